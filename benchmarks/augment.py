@@ -79,9 +79,9 @@ def peer_rows(python: Path, image: np.ndarray, ours: dict[str, float]) -> list[l
     """Run the peers with one thread and with two, and return table rows."""
     with tempfile.TemporaryDirectory() as folder:
         np.save(f"{folder}/image.npy", image)
-        one, two = (_peers(python, f"{folder}/image.npy", threads) for threads in (1, 2))
+        value, two = (_peers(python, f"{folder}/image.npy", threads) for threads in (1, 2))
     rows = []
-    for name, peer in one.items():
+    for name, peer in value.items():
         if "error" in peer:
             rows.append([name, "", "does not import", peer["error"], "", "", ""])
         for work, result in peer["works"].items():
@@ -134,12 +134,12 @@ def our_rows(image: np.ndarray) -> tuple[list[list[str]], dict[str, float]]:
             "new picture": new,
         }
         works.update({"in place": inside} if name != "resolution" else {})
-        found = interleaved(works, 21)
-        base, best[name] = found.pop("memcpy"), min(found["new picture"])
+        result = interleaved(works, 21)
+        base, best[name] = result.pop("memcpy"), min(result["new picture"])
         planning = times(lambda s=spec, f=fresh: s.plan(SCENE, seed=1, sample=next(f)), 31)
         rows += [
             [f"ours, {how}", name, cell(t), ratio(t, base), "", "", cell(planning)]
-            for how, t in found.items()
+            for how, t in result.items()
         ]
     resize = interleaved(
         {"memcpy": lambda: np.copyto(target, image), "v2": lambda: half(planar)}, 15
@@ -186,8 +186,8 @@ def batch_rows(image: np.ndarray) -> list[list[str]]:
         aug = hj.OneOf(options)
         fresh = itertools.count()
         for kind, (pictures, copy) in kinds.items():
-            found = [one_batch(aug, next(fresh), pictures, copy) for _ in range(9)]
-            base, plan, apply, safety = ([row[i] for row in found] for i in range(4))
+            values = [one_batch(aug, next(fresh), pictures, copy) for _ in range(9)]
+            base, plan, apply, safety = ([row[i] for row in values] for i in range(4))
             both = [a + j for a, j in zip(apply, safety, strict=True)]
             rows.append(
                 [
@@ -252,11 +252,13 @@ def loader_rows() -> list[list[str]]:
                 "decode and corrupt": tr.OneOf(options, seed=1),
             }.items()
         }
-        found = interleaved({name: lambda x=loader: list(x) for name, loader in loaders.items()}, 5)
-        base = found["decode only"]
+        result = interleaved(
+            {name: lambda x=loader: list(x) for name, loader in loaders.items()}, 5
+        )
+        base = result["decode only"]
         rows += [
             [str(workers), name, cell([t / 24 for t in values]), ratio(values, base)]
-            for name, values in found.items()
+            for name, values in result.items()
         ]
     return rows
 
@@ -273,7 +275,7 @@ def jax_rows(image: np.ndarray) -> list[list[str]]:
             hj.apply(plan, device)
         before = jax_kernels.compilations()
         turn = itertools.cycle(plans)
-        found = interleaved(
+        result = interleaved(
             {
                 "copy": lambda: copy(device).block_until_ready(),
                 "apply": lambda t=turn: hj.apply(next(t), device).block_until_ready(),
@@ -284,9 +286,9 @@ def jax_rows(image: np.ndarray) -> list[list[str]]:
         rows.append(
             [
                 name,
-                cell(found["apply"]),
-                cell(found["copy"]),
-                ratio(found["apply"], found["copy"]),
+                cell(result["apply"]),
+                cell(result["copy"]),
+                ratio(result["apply"], result["copy"]),
                 str(compiled),
             ]
         )
@@ -316,9 +318,9 @@ def jit_rows(image: np.ndarray) -> list[list[str]]:
             "copy": lambda: copy(batch).block_until_ready(),
             "jit": lambda p=program, t=turn: p(next(t), batch).block_until_ready(),
         }
-        found = interleaved(works, 9)
+        result = interleaved(works, 9)
         rows.append(
-            [mix, cell(found["jit"]), cell(found["copy"]), ratio(found["jit"], found["copy"])]
+            [mix, cell(result["jit"]), cell(result["copy"]), ratio(result["jit"], result["copy"])]
         )
     return rows
 
@@ -359,8 +361,8 @@ def main() -> None:
     )
     python = make_peers(parser.parse_args().peers)
     torch.set_num_threads(1)
-    image, what = screenshot()
-    print(f"1080p uint8, one thread, {what}; milliseconds, min / median / max; ratios of minima.")
+    image, value = screenshot()
+    print(f"1080p uint8, one thread, {value}; milliseconds, min / median / max; ratios of minima.")
     print(f"GPU: not measured.\n\n{machine()}\n")
     ours, best = our_rows(image)
     head = [

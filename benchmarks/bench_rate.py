@@ -48,9 +48,9 @@ class Stopwatch:
     def predict(self, instruction: str, obs: Mapping[str, Any]) -> tuple[str, list[str]]:
         """Wait, and at last be done."""
         self.asked.append(time.monotonic())
-        said = "DONE" if len(self.asked) > self.steps else "WAIT"
+        output = "DONE" if len(self.asked) > self.steps else "WAIT"
         self.answered.append(time.monotonic())
-        return said, [said]
+        return output, [output]
 
 
 def overheads(episodes: int, corruption: str) -> list[float]:
@@ -61,7 +61,7 @@ def overheads(episodes: int, corruption: str) -> list[float]:
     from online_env.embedded.desktop import EmbeddedDesktop
     from online_env.environment import CorruptedEnv, EvalSettings, SmallTasks
 
-    found: list[float] = []
+    items: list[float] = []
     planner = None if corruption == "clean" else hj.make_corruption(corruption)
     with tempfile.TemporaryDirectory() as scratch, EmbeddedDesktop.up(standby=True) as desktop:
         settings = EvalSettings(max_steps=60, log=Path(scratch), agent="stopwatch")
@@ -72,8 +72,8 @@ def overheads(episodes: int, corruption: str) -> list[float]:
             record = play(env, agent, job, 0, planner)
             path = Path(scratch, "episodes", record["id"], "steps.jsonl")
             lines = [json.loads(line)["seconds"] for line in path.read_text().splitlines()]
-            found += between(agent, lines)
-    return found
+            items += between(agent, lines)
+    return items
 
 
 def between(agent: Stopwatch, lines: Sequence[Mapping[str, float]]) -> list[float]:
@@ -82,22 +82,22 @@ def between(agent: Stopwatch, lines: Sequence[Mapping[str, float]]) -> list[floa
     Step k lies between the agent's answer k and question k + 1. Its action is written on line k,
     the settling after it on line k + 1.
     """
-    found: list[float] = []
+    items: list[float] = []
     for k in range(len(agent.asked) - 1):
         whole = agent.asked[k + 1] - agent.answered[k]
         waited = lines[k].get("action", 0.0)
         waited += lines[k + 1].get("settle", 0.0) + lines[k + 1].get("effects", 0.0)
-        found.append((whole - waited) * 1e3)
-    return found
+        items.append((whole - waited) * 1e3)
+    return items
 
 
 def overhead_table(episodes: int) -> str:
     """Return a table of the overhead a step, clean and under two corruptions of the picture."""
     rows: list[list[str]] = []
     for corruption in ("clean", "marks", "pop_ups"):
-        found = overheads(episodes, corruption)
-        met = "yes" if statistics.median(found) <= GOAL_STEP else "no"
-        rows.append([corruption, str(len(found)), spread(found, 1), met])
+        result = overheads(episodes, corruption)
+        met = "yes" if statistics.median(result) <= GOAL_STEP else "no"
+        rows.append([corruption, str(len(result)), spread(result, 1), met])
     head = ["condition", "steps", "ms, min / median / max", f"goal <= {GOAL_STEP:g} ms"]
     return table(head, rows)
 
@@ -118,12 +118,12 @@ def first_episode(runs: int) -> str:
     """Return a table of the time from nothing to the first record, with one and two desktops."""
     rows: list[list[str]] = []
     for desktops in (1, 2):
-        found: list[float] = []
+        items: list[float] = []
         for _ in range(runs):
             with tempfile.TemporaryDirectory() as scratch:
-                found.append(_until_a_record(Path(scratch) / "run", desktops))
-        met = "yes" if statistics.median(found) <= GOAL_FIRST else "no"
-        rows.append([str(desktops), spread(found, 1), met])
+                items.append(_until_a_record(Path(scratch) / "run", desktops))
+        met = "yes" if statistics.median(items) <= GOAL_FIRST else "no"
+        rows.append([str(desktops), spread(items, 1), met])
     head = ["desktops", "s, min / median / max", f"goal <= {GOAL_FIRST:g} s"]
     return table(head, rows)
 
@@ -148,8 +148,8 @@ def disk_and_rate(desktops: Sequence[int]) -> str:
             start = time.monotonic()
             bench(out, task_sets.members("small"), count, "clean,marks").wait()
             hours = (time.monotonic() - start) / 3600
-            made = records.read(out).records
-            rows.append([str(count), str(len(made)), f"{len(made) / hours:.0f}", disk(out)])
+            value = records.read(out).records
+            rows.append([str(count), str(len(value)), f"{len(value) / hours:.0f}", disk(out)])
     head = ["desktops", "episodes", f"an hour (goal {GOAL_RATE} with 4)", "MB an episode"]
     return table(head, rows)
 
@@ -177,13 +177,13 @@ def simulated(
         For each number: itself, the hours until the last job ends, and the share of that time in
         which a desktop plays, 0 to 1.
     """
-    found: list[tuple[int, float, float]] = []
+    items: list[tuple[int, float, float]] = []
     for count in machines:
         places = count * desktops
         end = makespan(durations, places)
         use = sum(durations) / (places * end) if end else 0.0
-        found.append((count, end / 3600, use))
-    return found
+        items.append((count, end / 3600, use))
+    return items
 
 
 def simulation(desktops: int) -> str:
@@ -209,18 +209,18 @@ def main() -> None:
     options.add_argument("--first", type=int, metavar="RUNS")
     options.add_argument("--rate", metavar="1,2,4", help="desktops; on a quiet machine")
     options.add_argument("--simulate", type=int, metavar="DESKTOPS", help="on each machine")
-    given = options.parse_args()
+    args = options.parse_args()
     load = " ".join(f"{value:.1f}" for value in os.getloadavg())
     print(f"{machine()}; load {load}")
-    if given.overhead:
-        print(f"\nThe runner's own time of a step:\n\n{overhead_table(given.overhead)}")
-    if given.first:
-        print(f"\nFrom the command to the first record:\n\n{first_episode(given.first)}")
-    if given.rate:
-        counts = [int(count) for count in given.rate.split(",")]
+    if args.overhead:
+        print(f"\nThe runner's own time of a step:\n\n{overhead_table(args.overhead)}")
+    if args.first:
+        print(f"\nFrom the command to the first record:\n\n{first_episode(args.first)}")
+    if args.rate:
+        counts = [int(count) for count in args.rate.split(",")]
         print(f"\nEpisodes an hour, and the disk:\n\n{disk_and_rate(counts)}")
-    if given.simulate:
-        print(f"\nA large run on n machines:\n\n{simulation(given.simulate)}")
+    if args.simulate:
+        print(f"\nA large run on n machines:\n\n{simulation(args.simulate)}")
 
 
 if __name__ == "__main__":

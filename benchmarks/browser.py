@@ -75,18 +75,18 @@ def play_at_once() -> None:
         assert player.stdout is not None
         player.stdout.readline()
     results = [json.loads(player.communicate("go\n")[0]) for player in players]
-    each = [steps / seconds for steps, seconds in results]
+    values = [steps / seconds for steps, seconds in results]
     print(f"\n{BROWSERS} browsers at once, episodes of 5 steps with their resets:", end=" ")
-    print(*(f"{rate:.1f}" for rate in each), f"steps/s; {sum(each) * 720:.0f} episodes an hour")
+    print(*(f"{rate:.1f}" for rate in values), f"steps/s; {sum(values) * 720:.0f} episodes an hour")
 
 
 def compare(python: str, ours: tuple[float, float]) -> None:
     from online_env.browser.chromium import find_program
 
-    done = subprocess.run(
+    process = subprocess.run(
         [python, "-c", BROWSERGYM, find_program()], capture_output=True, text=True, check=True
     )
-    reset, step = json.loads(done.stdout.splitlines()[-1])
+    reset, step = json.loads(process.stdout.splitlines()[-1])
     print(
         f"\nBrowserGym in the same run: reset {1000 * reset:.0f} ms, step {1000 * step:.0f} ms;",
         end=" ",

@@ -114,9 +114,9 @@ def serve(connection: Connection) -> None:
 
 def screens() -> list[UInt8Array]:
     """Return recorded screens, as many as an episode has steps."""
-    found = sorted(SHARED.glob("*.png"))[:STEPS]
+    value = sorted(SHARED.glob("*.png"))[:STEPS]
     shape = (SIZE[1], SIZE[0])
-    return [np.asarray(Image.open(path).convert("RGB").resize(shape)) for path in found]
+    return [np.asarray(Image.open(path).convert("RGB").resize(shape)) for path in value]
 
 
 def step_costs(pictures: list[UInt8Array]) -> list[list[str]]:
@@ -155,13 +155,13 @@ def _row(
     body = b"x" * length
     encoded = [seconds(lambda: png.encode(picture)) * 1e3 for _ in range(RUNS)]
     sent = [seconds(lambda: client.post("/", content=body)) * 1e3 for _ in range(RUNS)]
-    own = statistics.median(agent) - statistics.median(sent)
+    value = statistics.median(agent) - statistics.median(sent)
     return [
         str(step),
         f"{length / 1e6:.2f}",
         spread(agent, 1),
         spread(sent, 1),
-        f"{own:.1f}",
+        f"{value:.1f}",
         f"{statistics.median(encoded):.1f}",
     ]
 
@@ -173,10 +173,10 @@ def parser_rates() -> list[list[str]]:
         parser = ReplyParser(dialect=dialect)
         actions = parser.read(reply, SIZE)
         limit = _limit(reply)
-        own = _per_reply(lambda parser=parser, reply=reply: parser.read(reply, SIZE))
+        result = _per_reply(lambda parser=parser, reply=reply: parser.read(reply, SIZE))
         least = _per_reply(limit)
-        times = statistics.median(own) / statistics.median(least)
-        rates = [1 / one for one in own]
+        times = statistics.median(result) / statistics.median(least)
+        rates = [1 / item for item in result]
         action = actions[0].splitlines()[-1]
         rows.append([dialect, f"`{action}`", spread(rates, 0), f"{times:.1f}x"])
     return rows

@@ -81,20 +81,20 @@ def committed(commit: str) -> str:
     """Return RESULTS.md as a commit has it."""
     command = ["git", "show", f"{commit}:./{RESULTS.name}"]
     try:
-        done = subprocess.run(
+        process = subprocess.run(
             command, cwd=RESULTS.parent, capture_output=True, text=True, check=True
         )
     except subprocess.CalledProcessError as error:
         sys.exit(f"--against {commit}: {error.stderr.strip()}")
-    return done.stdout
+    return process.stdout
 
 
 def numbered(text: str) -> Iterator[Ratio]:
     """Yield the ratios of all tables, no two with the same place."""
-    seen: Counter[tuple[str, ...]] = Counter()
+    counts: Counter[tuple[str, ...]] = Counter()
     for ratio in read_ratios(text):
-        seen[ratio.place] += 1
-        count = seen[ratio.place]
+        counts[ratio.place] += 1
+        count = counts[ratio.place]
         yield replace(ratio, place=(*ratio.place, f"number {count}" if count > 1 else ""))
 
 

@@ -67,8 +67,8 @@ def main() -> None:
     begin = ALL if is_whole else TWO
     head, _, rest = PAGE.read_text().partition(begin)
     _, _, tail = rest.partition(END)
-    made = f"{begin}\n\n{sentences(summary)}\n\n{tables}\n\n![Gains]({picture.name})\n\n{END}"
-    PAGE.write_text(head + made + tail)
+    text = f"{begin}\n\n{sentences(summary)}\n\n{tables}\n\n![Gains]({picture.name})\n\n{END}"
+    PAGE.write_text(head + text + tail)
 
 
 def sentences(summary: Mapping[str, Any]) -> str:
@@ -76,7 +76,7 @@ def sentences(summary: Mapping[str, Any]) -> str:
     lines = [f"DA-GRPO minus GRPO, {summary['seeds']} seeds, in percentage points:", ""]
     for name, words in WORDS.items():
         gain = summary[f"gain_{name}"]
-        better = sum(each > 0 for each in gain["per_seed"])
+        better = sum(item > 0 for item in gain["per_seed"])
         text = results.interval_text(gain)
         lines.append(f"* {words}: {text}, above 0 in {better} of {summary['seeds']} seeds")
     return "\n".join(lines)

@@ -69,10 +69,10 @@ def main() -> None:
 def sources() -> list[bytes]:
     """The recorded screenshots of full-HD size, as files."""
     files = [file.read_bytes() for file in sorted(SHARED.glob("*.png"))]
-    found = [data for data in files if Image.open(io.BytesIO(data)).size[::-1] in SIZES]
-    if not found:
+    matches = [data for data in files if Image.open(io.BytesIO(data)).size[::-1] in SIZES]
+    if not matches:
         sys.exit(f"the recorded screenshots are not here ({SHARED})")
-    return found
+    return matches
 
 
 def cpu(work: Callable[[], object], runs: int = RUNS) -> float:
@@ -150,9 +150,9 @@ def bands(pictures: list[bytes]) -> str:
     """Encoding and hashing a corrupted picture whole, and only where it was changed."""
     rows = []
     for name in ("subtitle", "pop_ups", "marks"):
-        found = [_band_times(decode_image(data, "x")[0], name) for data in pictures]
+        values = [_band_times(decode_image(data, "x")[0], name) for data in pictures]
         whole, part, hash_whole, hash_part, work = (
-            mean(column) for column in zip(*found, strict=True)
+            mean(column) for column in zip(*values, strict=True)
         )
         cells = [f"{v:.2f}" for v in (whole, part, hash_whole, hash_part, work)]
         rows.append([name, *cells, f"{1e3 / (part + hash_part + work):.0f}"])
@@ -370,7 +370,7 @@ def _family(pid: int) -> list[int]:
         children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     except OSError:
         return []
-    return [pid, *(other for child in children for other in _family(int(child)))]
+    return [pid, *(second for child in children for second in _family(int(child)))]
 
 
 def _resident(pid: int) -> int:

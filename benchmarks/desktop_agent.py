@@ -65,8 +65,8 @@ NUMBERS = {skill.name: number for number, skill in enumerate(SKILLS)}
 
 def small(screenshot: UInt8Array) -> UInt8Array:
     """Return a picture of any size as the network sees it, uint8 `[90, 160, 3]`."""
-    found: Any = cv2.resize(screenshot, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
-    return np.ascontiguousarray(found)
+    result: Any = cv2.resize(screenshot, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+    return np.ascontiguousarray(result)
 
 
 class ChoiceNetwork(nn.Module):
@@ -128,11 +128,11 @@ class ChoicePolicy:
         """Return the log-probability of each turn's skill, float `[N, 1]`, and that it counts."""
         chances = self._chances([turn.observation for turn in turns])
         tokens = torch.tensor([turn.answer.tokens for turn in turns])
-        found = chances.gather(1, tokens)
-        return found, torch.ones_like(found, dtype=torch.bool)
+        result = chances.gather(1, tokens)
+        return result, torch.ones_like(result, dtype=torch.bool)
 
     def _chances(self, observations: Sequence[Mapping[str, Any]]) -> torch.Tensor:
-        screens = np.stack([small(seen["screenshot"]) for seen in observations])
+        screens = np.stack([small(observation["screenshot"]) for observation in observations])
         return self._network(torch.from_numpy(screens)).log_softmax(1)
 
 

@@ -59,21 +59,21 @@ def building(profile: str) -> None:
             os.link(path, place / "packages" / path.name)
         recipe = build.Recipe(build.normal_profiles([profile]), tuple(sources.from_machine()))
         start = time.perf_counter()
-        _, found = build.build(recipe, "again", print)
+        _, value = build.build(recipe, "again", print)
         seconds = time.perf_counter() - start
         os.environ[cache.VARIABLE] = str(kept)
-        known = found.id in cache.images()
-    print(f"{profile}: {seconds:.0f} s, {found.summary}, id {found.id}, known before: {known}")
+        outcome = value.id in cache.images()
+    print(f"{profile}: {seconds:.0f} s, {value.summary}, id {value.id}, known before: {outcome}")
 
 
 def as_file(name: str) -> None:
     """Time export, import and verify, and a desktop from the imported file."""
-    made = cache.resolve(name)
+    result = cache.resolve(name)
     kept = cache.place()
     rows: list[list[str]] = []
     with tempfile.TemporaryDirectory(prefix="images-", dir=kept.parent) as folder:
         file = Path(folder, "image.tar.zst")
-        rows.append(["export", f"{timed(lambda: archive.write(made, file)):.1f} s"])
+        rows.append(["export", f"{timed(lambda: archive.write(result, file)):.1f} s"])
         rows.append(["the file", f"{file.stat().st_size / 1e6:.0f} MB"])
         os.environ[cache.VARIABLE] = str(Path(folder, "images"))
         start = time.perf_counter()
@@ -94,34 +94,34 @@ def as_file(name: str) -> None:
 
 def measured(image: str) -> dict[str, float]:
     """Measure a desktop once: up, cold reset, tree, memory."""
-    found: dict[str, float] = {}
+    entries: dict[str, float] = {}
     start = time.perf_counter()
     with EmbeddedDesktop.up(image=image, apps=("editor",)) as desktop:
-        found["up, editor open, s"] = time.perf_counter() - start
-        found["reset, cold, s"] = timed(desktop.reset)
+        entries["up, editor open, s"] = time.perf_counter() - start
+        entries["reset, cold, s"] = timed(desktop.reset)
         desktop.accessibility()
-        found["tree, s"] = min(timed(desktop.accessibility) for _ in range(5))
-        found["screenshot, s"] = min(timed(desktop.screenshot) for _ in range(5))
+        entries["tree, s"] = min(timed(desktop.accessibility) for _ in range(5))
+        entries["screenshot, s"] = min(timed(desktop.screenshot) for _ in range(5))
         time.sleep(2)
-        found["memory (PSS), MiB"] = memory(desktop)
-        found["of it not files' pages, MiB"] = memory(desktop, "Pss_Anon")
-    return found
+        entries["memory (PSS), MiB"] = memory(desktop)
+        entries["of it not files' pages, MiB"] = memory(desktop, "Pss_Anon")
+    return entries
 
 
 def beside(name: str, runs: int) -> None:
     """Measure desktops from the image and from the machine's packages, in turn."""
     for kind in KINDS:
         measured(name if kind == "image" else kind)  # warm the page cache
-    found: dict[str, list[dict[str, float]]] = {kind: [] for kind in KINDS}
+    entries: dict[str, list[dict[str, float]]] = {kind: [] for kind in KINDS}
     for _ in range(runs):
         for kind in KINDS:
-            found[kind].append(measured(name if kind == "image" else kind))
+            entries[kind].append(measured(name if kind == "image" else kind))
     rows: list[list[str]] = []
-    for what in found["image"][0]:
-        host, image = ([one[what] for one in found[kind]] for kind in KINDS)
+    for item in entries["image"][0]:
+        host, image = ([result[item] for result in entries[kind]] for kind in KINDS)
         ratio = statistics.median(image) / statistics.median(host)
         digits = [f"{statistics.median(values):.3g}" for values in (host, image)]
-        rows.append([what, *digits, f"{ratio:.2f}"])
+        rows.append([item, *digits, f"{ratio:.2f}"])
     print(table([f"median of {runs}", "host-based", "from the image", "ratio"], rows))
 
 

@@ -91,20 +91,20 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--desktops", type=int, default=ROLLOUTS)
     parser.add_argument("--out", type=Path, default=ROOT / "runs" / "desktop")
-    given = parser.parse_args()
+    args = parser.parse_args()
     check_split(RECORDED, HELD_OUT)
-    out: Path = given.out
+    out: Path = args.out
     out.mkdir(parents=True, exist_ok=True)
-    collect(out, given.desktops)
+    collect(out, args.desktops)
     screens = screens_of(out)
-    for seed in range(given.seeds):
+    for seed in range(args.seeds):
         for arm, (pictures, labels) in screens.items():
             if not policy_file(out, arm, seed).exists():
                 keep(cloned(pictures, labels, seed), out, arm, seed)
         if not policy_file(out, "da_grpo", seed).exists():
             keep(trained(out, seed), out, "da_grpo", seed)
-    evaluate(out, given.seeds, given.desktops)
-    write_page(out, given.seeds)
+    evaluate(out, args.seeds, args.desktops)
+    write_page(out, args.seeds)
 
 
 def bench(config: object, run: Path, *options: object) -> None:
@@ -174,15 +174,15 @@ class SkillEnv(gymnasium.Env[dict[str, Any], str]):
     ) -> tuple[dict[str, Any], dict[str, Any]]:
         """Begin an episode."""
         self._hands.reset()
-        seen, info = self._env.reset(seed=seed, options=options)
+        calls, info = self._env.reset(seed=seed, options=options)
         self._hands.prepare(self._stage.task, self._stage.machine)
-        return self._seen(seen), info
+        return self._seen(calls), info
 
     def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Carry out a skill."""
         code = self._hands.act(action, self._screenshot)
-        seen, *rest = self._env.step(code)
-        return self._seen(seen), *rest
+        observations, *rest = self._env.step(code)
+        return self._seen(observations), *rest
 
     def truncate(self) -> None:
         """Have the episode judged as it stands."""
@@ -257,16 +257,16 @@ def evaluate(out: Path, seeds: int, desktops: int) -> None:
     agents = (out / "agents.py").resolve()
     lines = ["import sys", f"sys.path.insert(0, {str(Path(__file__).parent)!r})"]
     lines += ["from desktop_agent import Learned"]
-    wanted: list[str] = []
+    expected: list[str] = []
     for arm in ARMS:
         for seed in range(seeds):
             lines.append(f"class {arm}_{seed}(Learned):")
             lines.append(f"    policy = {str(policy_file(out, arm, seed).resolve())!r}")
-            wanted.append(f"{agents}:{arm}_{seed}")
+            expected.append(f"{agents}:{arm}_{seed}")
     agents.write_text("\n".join(lines) + "\n")
     setting = {
         "desktop": {"provider": "embedded", "size": [1920, 1080]},
-        "agents": wanted,
+        "agents": expected,
         "tasks": list(HELD_OUT),
         "corruptions": "all",
         "seeds": [0],
@@ -278,7 +278,7 @@ def evaluate(out: Path, seeds: int, desktops: int) -> None:
     try:
         bench(config, run, "--desktops", desktops)
     except CalledProcessError:  # an episode may have failed, which counts; none may be missing
-        if len(records.read(run).records) < len(wanted) * len(HELD_OUT) * (
+        if len(records.read(run).records) < len(expected) * len(HELD_OUT) * (
             1 + len(corruption_names())
         ):
             raise
@@ -293,21 +293,21 @@ def successes(out: Path) -> dict[tuple[str, int], dict[str, list[float]]]:
             case = record["corruption"], record["task"]
             scores[case][arm, int(seed)] = record["score"] or 0.0
     everybody = {policy for played in scores.values() for policy in played}
-    found: dict[tuple[str, int], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    result: dict[tuple[str, int], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for (corruption, _), played in scores.items():
         if played.keys() == everybody:
             for policy, score in played.items():
-                found[policy][corruption].append(score)
-    return found
+                result[policy][corruption].append(score)
+    return result
 
 
 def write_page(out: Path, seeds: int) -> None:
     """Replace the part of the page that is made."""
-    found = successes(out)
+    result = successes(out)
     columns = ("clean", *corruption_names())
 
     def success(arm: str, seed: int, labels: Sequence[str]) -> float:
-        return 100 * mean(score for label in labels for score in found[arm, seed][label])
+        return 100 * mean(score for label in labels for score in result[arm, seed][label])
 
     groups = {
         "clean": ["clean"],
@@ -318,10 +318,12 @@ def write_page(out: Path, seeds: int) -> None:
     for arm in ARMS:
         row = [f"`{arm}`"]
         for labels in groups.values():
-            each = [success(arm, seed, labels) for seed in range(seeds)]
-            row.append(f"{mean(each):.1f} %")
+            values = [success(arm, seed, labels) for seed in range(seeds)]
+            row.append(f"{mean(values):.1f} %")
             base = [success("clean", seed, labels) for seed in range(seeds)]
-            gain = paired_interval([one - other for one, other in zip(each, base, strict=True)])
+            gain = paired_interval(
+                [value - second for value, second in zip(values, base, strict=True)]
+            )
             row.append("" if arm == "clean" else interval_text(gain))
         rows.append(row)
     header = ["arm"]
@@ -334,7 +336,7 @@ def write_page(out: Path, seeds: int) -> None:
         ]
         for arm in ARMS
     ]
-    count = sum(len(scores) for one in found.values() for scores in one.values())
+    count = sum(len(scores) for value in result.values() for scores in value.values())
     episodes = (
         f"{count} episodes of `hijack bench` on {len(HELD_OUT)} held-out tasks, {seeds} seeds."
     )

@@ -57,17 +57,17 @@ def main(
         open_desktop: returns a context manager that yields a desktop with two windows.
         clean_up: called after each touch.
     """
-    found: dict[str, list[list[float]]] = {name: [[], [], []] for name in EFFECTS}
+    entries: dict[str, list[list[float]]] = {name: [[], [], []] for name in EFFECTS}
     bad: list[str] = []
     with open_desktop() as desktop:
         for run in range(RUNS + 1):
             for name, effect in EFFECTS.items():
-                bad += measure(desktop, effect, run, found[name] if run else [[], [], []])
+                bad += measure(desktop, effect, run, entries[name] if run else [[], [], []])
                 if effect.kind == "touch":
                     clean_up(desktop)
     rows = [
         [name, *map(cell, times), cell([a + p for a, p in zip(*times[:2], strict=True)])]
-        for name, times in found.items()
+        for name, times in entries.items()
     ]
     load = " ".join(f"{value:.1f}" for value in os.getloadavg())
     print(

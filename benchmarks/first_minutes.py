@@ -39,14 +39,14 @@ def cost(command: list[str], folder: Path) -> tuple[Cost, str]:
     """What a command costs, with its children, and what it prints; ends if it fails."""
     clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    done = subprocess.run(
+    process = subprocess.run(
         command, cwd=folder, env=clean, capture_output=True, text=True, check=False
     )
     wall, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
-    if done.returncode:
-        sys.exit(f"{command} failed:\n{done.stdout[-2000:]}{done.stderr[-2000:]}")
+    if process.returncode:
+        sys.exit(f"{command} failed:\n{process.stdout[-2000:]}{process.stderr[-2000:]}")
     cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return Cost(wall, cpu), done.stdout
+    return Cost(wall, cpu), process.stdout
 
 
 def least(command: list[str], folder: Path) -> float:
@@ -66,12 +66,12 @@ def first_steps(clone: Path) -> list[list[str]]:
     python = str(clone / ".venv/bin/python")
     hijack = [python, "-m", "hijack_data"]
     picture = "examples/recordings/images/notes-04.png"
-    one, _ = cost([*hijack, "apply", picture, "pop_ups", "-o", "first.png"], clone)
+    value, _ = cost([*hijack, "apply", picture, "pop_ups", "-o", "first.png"], clone)
     demo, _ = cost([*hijack, "demo", "--no-desktop"], clone)
     environment = size(clone / ".venv")
     return [
         ["environment of `make demo` (core, vision, pyarrow)", str(installed), environment, ""],
-        ["to the first picture", str(installed + one), "", ""],
+        ["to the first picture", str(installed + value), "", ""],
         ["to gallery and dataset (`make demo`)", str(installed + demo), size(clone / "demo"), GOAL],
     ]
 
@@ -91,9 +91,9 @@ def starting(clone: Path) -> str:
         "`hijack --help`": ["-m", "hijack_data", "--help"],
         **{f"`hijack {words}`": ["-m", "hijack_data", *words.split()] for words in COMMANDS},
     }
-    spent = {what: least([python, *words], clone) for what, words in calls.items()}
+    spent = {value: least([python, *words], clone) for value, words in calls.items()}
     unit = spent["`import numpy`"]
-    rows = [[what, f"{ms:.0f}", f"{ms / unit:.2f}x"] for what, ms in spent.items()]
+    rows = [[value, f"{ms:.0f}", f"{ms / unit:.2f}x"] for value, ms in spent.items()]
     return table(["start", f"ms of CPU, least of {RUNS}", "to NumPy's"], rows)
 
 
@@ -102,9 +102,9 @@ def release(clone: Path) -> list[list[str]]:
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
     built, _ = cost([".ci/package", version], clone)
     (wheel,) = (clone / "build/dist").glob("*.whl")
-    docs, said = cost(["make", "docs"], clone)
-    found = re.search(r"(\d+) pages, no broken link", said)
-    pages = f"{found[1]} pages, 0 broken links" if found else said[-80:]
+    docs, output = cost(["make", "docs"], clone)
+    result = re.search(r"(\d+) pages, no broken link", output)
+    pages = f"{result[1]} pages, 0 broken links" if result else output[-80:]
     mebi = f"{wheel.stat().st_size / 1e6:.1f} MB"
     return [
         ["sdist and wheel, built and tried with the core alone", str(built), mebi, ""],

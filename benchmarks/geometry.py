@@ -207,7 +207,7 @@ def mixed_sizes(rng: np.random.Generator) -> Boxes:
         x = int(rng.integers(SIZE[1] - width))
         y = int(rng.integers(SIZE[0] - height))
         box = (x, y, x + width, y + height)
-        if all(_are_apart(box, other) for other in boxes):
+        if all(_are_apart(box, second) for second in boxes):
             boxes.append(box)
     return boxes
 

@@ -121,9 +121,9 @@ def main() -> None:
     if not torch.cuda.is_available():
         print("Not measured: this machine has no GPU.")
         return
-    image, what = screenshot()
+    image, value = screenshot()
     print(
-        f"{torch.cuda.get_device_name()}; 1080p uint8, {what}; milliseconds, min / median /"
+        f"{torch.cuda.get_device_name()}; 1080p uint8, {value}; milliseconds, min / median /"
         f" max.\n\n{machine()}\n"
     )
     print(

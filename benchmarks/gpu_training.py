@@ -116,9 +116,9 @@ class Clock:
         """Return the GiB that were held at most since the last call."""
         if self.device.type != "cuda":
             return 0.0
-        held = torch.cuda.max_memory_allocated() / GIB
+        value = torch.cuda.max_memory_allocated() / GIB
         torch.cuda.reset_peak_memory_stats()
-        return held
+        return value
 
     def _wait(self) -> None:
         if self.device.type == "cuda":

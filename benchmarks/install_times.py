@@ -44,8 +44,8 @@ def main() -> None:
         rows = [
             ["bare Debian (debootstrap --variant=minbase)", "", f"{timed(bare, root):.0f} s", ""]
         ]
-        for name, wanted in PROFILES.items():
-            rows.append(profile(root, name, wanted))
+        for name, expected in PROFILES.items():
+            rows.append(profile(root, name, expected))
     print(machine(), end="\n\n")
     print(table(["what", "to fetch", "to unpack and set up", "on disk, as the packages say"], rows))
 
@@ -100,10 +100,10 @@ def installed(root: Path) -> set[str]:
 
 def run(*command: str) -> str:
     """What a command prints; ends the benchmark with what it complained about where it fails."""
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if done.returncode:
-        sys.exit(f"{command[0]} failed:\n{(done.stderr or done.stdout)[-2000:]}")
-    return done.stdout
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    if process.returncode:
+        sys.exit(f"{command[0]} failed:\n{(process.stderr or process.stdout)[-2000:]}")
+    return process.stdout
 
 
 if __name__ == "__main__":

@@ -42,13 +42,13 @@ def mean_coverage(rate: float, tasks: int, seeds: int) -> float:
     """Return the share of benchmarks whose interval of the mean holds the rate."""
     rng = np.random.default_rng(0)
     names = [task for task in range(tasks) for _ in range(seeds)]
-    held = 0
+    result = 0
     for _ in range(BENCHMARKS):
-        found = statistics.mean_interval(
+        value = statistics.mean_interval(
             draw_scores(rng, draw_tasks(rng, rate, tasks), seeds), names
         )
-        held += found.low <= rate <= found.high
-    return held / BENCHMARKS
+        result += value.low <= rate <= value.high
+    return result / BENCHMARKS
 
 
 def pair_coverage(rate: float, kept: float, tasks: int, seeds: int) -> tuple[float, float]:
@@ -58,31 +58,31 @@ def pair_coverage(rate: float, kept: float, tasks: int, seeds: int) -> tuple[flo
     """
     rng = np.random.default_rng(1)
     names = [task for task in range(tasks) for _ in range(seeds)]
-    held = held_kept = with_retention = 0
+    result = held_kept = with_retention = 0
     for _ in range(BENCHMARKS):
         solved = draw_tasks(rng, rate, tasks)
         clean = draw_scores(rng, solved, seeds)
         corrupted = draw_scores(rng, solved * draw_tasks(rng, kept, tasks), seeds)
         change = statistics.difference_interval(clean, corrupted, names)
-        held += change.low <= rate * (kept - 1) <= change.high
+        result += change.low <= rate * (kept - 1) <= change.high
         retention = statistics.retention_interval(clean, corrupted, names)
         if retention is not None:
             with_retention += 1
             held_kept += retention.low <= kept <= retention.high
-    return held / BENCHMARKS, held_kept / max(1, with_retention)
+    return result / BENCHMARKS, held_kept / max(1, with_retention)
 
 
 def grand_mean_coverage(rate: float, tasks: int, seeds: int) -> float:
     """Return the share of benchmarks whose interval of the mean over conditions holds the rate."""
     rng = np.random.default_rng(3)
     names = [task for task in range(tasks) for _ in range(seeds)]
-    held = 0
+    result = 0
     for _ in range(BENCHMARKS):
         solved = draw_tasks(rng, rate, tasks)
         cells = [(draw_scores(rng, solved, seeds), names) for _ in range(CONDITIONS)]
         mean = statistics.grand_mean_interval(cells)
-        held += mean.low <= rate <= mean.high
-    return held / BENCHMARKS
+        result += mean.low <= rate <= mean.high
+    return result / BENCHMARKS
 
 
 def steps_coverage(tasks: int, seeds: int) -> float:
@@ -92,14 +92,14 @@ def steps_coverage(tasks: int, seeds: int) -> float:
     exponential, too: skewed, as steps and tokens are.
     """
     rng = np.random.default_rng(4)
-    held = 0
+    result = 0
     for _ in range(BENCHMARKS):
         task_steps = rng.exponential(STEPS, tasks)
         slower = 1 + rng.exponential(0.3, tasks)
         noise = rng.gamma(4, 1 / 4, (2, seeds, tasks)).mean(axis=1)
         test = statistics.paired_t((task_steps * (slower * noise[0] - noise[1])).tolist())
-        held += test is not None and test.low <= 0.3 * STEPS <= test.high
-    return held / BENCHMARKS
+        result += test is not None and test.low <= 0.3 * STEPS <= test.high
+    return result / BENCHMARKS
 
 
 def certificate_coverage(kept: float, clean_rate: float, tasks: int, seeds: int) -> list[float]:
@@ -110,7 +110,7 @@ def certificate_coverage(kept: float, clean_rate: float, tasks: int, seeds: int)
     retention: 1 minus the error of the sequential test.
     """
     rng = np.random.default_rng(5)
-    held = np.zeros(3)
+    result = np.zeros(3)
     for _ in range(BENCHMARKS):
         solved = draw_tasks(rng, clean_rate, tasks)
         shares = np.stack([draw_tasks(rng, kept, tasks) for _ in range(CONDITIONS)])
@@ -127,8 +127,8 @@ def certificate_coverage(kept: float, clean_rate: float, tasks: int, seeds: int)
             values = corrupted - kept * before
             gaffke = mean_bounds.mean_p_value(values, -kept) <= 0.05
             is_above = bets.stop(kept) is not None
-        held += [low <= kept, not gaffke, not is_above]
-    return (held / BENCHMARKS).tolist()
+        result += [low <= kept, not gaffke, not is_above]
+    return (result / BENCHMARKS).tolist()
 
 
 def certified(tasks: int, seeds: int, kept: float) -> list[float]:
@@ -179,19 +179,23 @@ def main() -> None:
     print(f"\nPercent of {BENCHMARKS:,} simulated benchmarks whose 95 % interval holds the truth;")
     print("a column is tasks x seeds.\n")
     rows = [
-        ["success", f"{100 * rate:g} %", *percent([mean_coverage(rate, *one) for one in settings])]
+        [
+            "success",
+            f"{100 * rate:g} %",
+            *percent([mean_coverage(rate, *setting) for setting in settings]),
+        ]
         for rate in RATES
     ]
     for rate in CLEAN_RATES:
         for kept in SHARES_KEPT:
-            pairs = [pair_coverage(rate, kept, *one) for one in settings]
+            pairs = [pair_coverage(rate, kept, *setting) for setting in settings]
             name = f"{100 * rate:g} % clean, {100 * kept:g} % of it kept"
             rows.append(["difference", name, *percent([pair[0] for pair in pairs])])
             rows.append(["retention", name, *percent([pair[1] for pair in pairs])])
     for rate in (0.05, 0.5, 0.95):
-        shares = [grand_mean_coverage(rate, *one) for one in settings]
+        shares = [grand_mean_coverage(rate, *setting) for setting in settings]
         rows.append(["mean over 9", f"{100 * rate:g} %", *percent(shares)])
-    steps = [steps_coverage(*one) for one in settings]
+    steps = [steps_coverage(*setting) for setting in settings]
     rows.append(["steps (paired t)", "skewed, 30 % more", *percent(steps)])
     print(table(("interval of", "truth", *heads), rows))
     print("\nPercent of certificates (95 %, one-sided) whose bound is not above the truth:\n")
@@ -199,7 +203,7 @@ def main() -> None:
     methods = ("Clopper-Pearson, 1 x 1", "Gaffke, 9 conditions", "betting, looked at after each")
     for clean_rate in (0.95, 0.5):
         for kept in KEPT:
-            columns = [certificate_coverage(kept, clean_rate, *one) for one in settings]
+            columns = [certificate_coverage(kept, clean_rate, *setting) for setting in settings]
             for place, method in enumerate(methods):
                 name = f"{100 * clean_rate:g} % clean, {100 * kept:g} % of it kept"
                 rows.append([method, name, *percent([column[place] for column in columns])])
@@ -207,13 +211,13 @@ def main() -> None:
     print("\nMean certified retention in percent, 95 % clean:\n")
     rows = []
     for kept in KEPT:
-        columns = [certified(*one, kept) for one in settings]
+        columns = [certified(*setting, kept) for setting in settings]
         for place, method in enumerate(methods[1:]):
             rows.append(
                 [method, f"{100 * kept:g} % kept", *percent([column[place] for column in columns])]
             )
     print(table(("method", "truth", *heads), rows))
-    ends = [falls(*one) for one in settings]
+    ends = [falls(*setting) for setting in settings]
     print(
         "\nOne more success, in points: how much the most an end of the interval of a mean falls,"
     )

@@ -96,13 +96,13 @@ def tree(root: int) -> dict[int, str]:
             number = parent_of(int(folder.name))
             if number is not None:
                 parents[int(folder.name)] = number
-    found = {root}
+    names = {root}
     grown = True
     while grown:
-        below = {pid for pid, parent in parents.items() if parent in found} - found
+        below = {pid for pid, parent in parents.items() if parent in names} - names
         grown = bool(below)
-        found |= below
-    return {pid: command_of(pid) for pid in found}
+        names |= below
+    return {pid: command_of(pid) for pid in names}
 
 
 def parent_of(pid: int) -> int | None:
@@ -310,32 +310,32 @@ def main() -> None:
         "--longest", type=float, default=25.0, help="seconds until a kill, at most"
     )
     options.add_argument("--keep", type=Path, help="folder for the runs; else they are removed")
-    given = options.parse_args()
+    args = options.parse_args()
     start = time.monotonic()
     with tempfile.TemporaryDirectory() as scratch:
-        folder = given.keep or Path(scratch)
+        folder = args.keep or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        killer = Killer(folder, given.desktops, given.seed, given.longest)
-        killer.play(given.kills)
-    found = killer.outcome
-    rows = [[f"kill -9 of a {kind}", str(found.kills[kind])] for kind in TARGETS]
+        killer = Killer(folder, args.desktops, args.seed, args.longest)
+        killer.play(args.kills)
+    outcome = killer.outcome
+    rows = [[f"kill -9 of a {kind}", str(outcome.kills[kind])] for kind in TARGETS]
     rows += [
-        ["times gone on with", str(found.resumes)],
-        ["of them after a desktop that did not start", str(found.given_up)],
-        ["runs that came to their end", str(found.ended)],
-        ["episodes planned in them", str(found.episodes)],
-        ["attempts lost with their process, and played again", str(found.repeated)],
-        ["lost, counted twice, left over or not verified", str(len(found.problems))],
-        ["s after which the desktops of a killed runner had ended", f"{found.slowest_end:.1f}"],
+        ["times gone on with", str(outcome.resumes)],
+        ["of them after a desktop that did not start", str(outcome.given_up)],
+        ["runs that came to their end", str(outcome.ended)],
+        ["episodes planned in them", str(outcome.episodes)],
+        ["attempts lost with their process, and played again", str(outcome.repeated)],
+        ["lost, counted twice, left over or not verified", str(len(outcome.problems))],
+        ["s after which the desktops of a killed runner had ended", f"{outcome.slowest_end:.1f}"],
     ]
     print(f"\n{machine()}\n")
-    whole = sum(found.kills.values())
+    whole = sum(outcome.kills.values())
     took = format_duration(time.monotonic() - start)
-    print(f"{whole} kills on {given.desktops} desktops, seed {given.seed}, {took}\n")
+    print(f"{whole} kills on {args.desktops} desktops, seed {args.seed}, {took}\n")
     print(table(["what", "number"], rows))
-    for problem in found.problems:
+    for problem in outcome.problems:
         print(json.dumps(problem))
-    raise SystemExit(1 if found.problems else 0)
+    raise SystemExit(1 if outcome.problems else 0)
 
 
 if __name__ == "__main__":

@@ -27,12 +27,12 @@ TARGETS = 6
 
 def screens() -> list[tuple[str, np.ndarray, np.ndarray]]:
     """Desktop-sized recordings and the elements that the detector finds on them."""
-    found = []
+    items = []
     for path in sorted(SHARED.glob("*")):
         image = np.array(Image.open(path).convert("RGB"))
-        if image.shape[0] >= 700 and image.shape[1] >= 1200 and len(found) < SCREENS:
-            found.append((path.name, image, hj.scene_from(image).boxes))
-    return found
+        if image.shape[0] >= 700 and image.shape[1] >= 1200 and len(items) < SCREENS:
+            items.append((path.name, image, hj.scene_from(image).boxes))
+    return items
 
 
 def measured(name: str, level: int, rows: list) -> dict[str, float]:

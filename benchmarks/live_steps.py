@@ -74,16 +74,16 @@ def _step(spec: hj.plugin.Corruption, frame: UInt8Array, xml: str, run: int) -> 
     """Return the times in seconds before, between and after the parts of one step."""
     size = (frame.shape[0], frame.shape[1])
     marks = [time.perf_counter()]
-    found = None
+    boxes = None
     if spec.needs_elements:
-        found = boxes_from_tree(xml, size).boxes
+        boxes = boxes_from_tree(xml, size).boxes
     marks.append(time.perf_counter())
-    scene = hj.Scene(size, as_boxes(found))
+    scene = hj.Scene(size, as_boxes(boxes))
     plan = spec.plan(scene, seed=run, sample="benchmark", step=run)
     marks.append(time.perf_counter())
-    seen = hj.apply(plan, frame)
+    calls = hj.apply(plan, frame)
     marks.append(time.perf_counter())
-    encode(seen)
+    encode(calls)
     marks.append(time.perf_counter())
     return marks
 
@@ -105,7 +105,7 @@ def switches(runs: int) -> str:
             resets.append(seconds(desktop.reset))
             setups.append(seconds(lambda: task.setup(Machine(desktop, stage.sites))))
             effects.append(seconds(lambda kind=following: _prove(desktop, kind)))
-    both = [one + other for one, other in zip(resets, setups, strict=True)]
+    both = [value + second for value, second in zip(resets, setups, strict=True)]
     goal = "yes" if statistics.median(both) <= GOAL_SWITCH else "no"
     rows = [
         ["reset", spread(resets, 2), ""],

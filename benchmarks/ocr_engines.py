@@ -54,18 +54,18 @@ class EngineReading:
 def main() -> None:
     """Print the table."""
     paths = chosen(sys.argv[1:])
-    found: dict[str, list[EngineReading]] = {engine: [] for engine in ENGINES}
+    entries: dict[str, list[EngineReading]] = {engine: [] for engine in ENGINES}
     for _ in range(ROUNDS):
-        for engine, readings in found.items():
+        for engine, readings in entries.items():
             with ProcessPoolExecutor(1, get_context("spawn")) as pool:
                 readings.append(pool.submit(read_all, paths, engine).result())
-    first = found[ONNX][0].lines
+    first = entries[ONNX][0].lines
     rows: list[list[str]] = []
-    for engine, readings in found.items():
+    for engine, readings in entries.items():
         whole = [seconds for reading in readings for seconds in reading.whole]
         part = [seconds for reading in readings for seconds in reading.part]
         memory = max(reading.memory for reading in readings)
-        same = sum(one == other for one, other in zip(first, readings[0].lines, strict=True))
+        same = sum(value == second for value, second in zip(first, readings[0].lines, strict=True))
         rows.append(
             [engine, spread(whole, 2), spread(part, 2), f"{memory:.2f}", f"{same} of {len(first)}"]
         )
@@ -84,8 +84,8 @@ def chosen(words: list[str]) -> list[Path]:
     """Return the pictures to read."""
     if not words:
         return sorted(EXAMPLES.glob("*.png"))
-    found = sorted(Path(words[0]).glob("episodes/*/frames/*.png"))
-    return found[:: max(len(found) // MOST, 1)][:MOST]
+    names = sorted(Path(words[0]).glob("episodes/*/frames/*.png"))
+    return names[:: max(len(names) // MOST, 1)][:MOST]
 
 
 def read_all(paths: list[Path], engine: str) -> EngineReading:
@@ -100,9 +100,9 @@ def read_all(paths: list[Path], engine: str) -> EngineReading:
 
     def read(pixels: UInt8Array, times: list[float]) -> None:
         start = time.process_time()
-        found = boxes_from_ocr(pixels)
+        result = boxes_from_ocr(pixels)
         times.append(time.process_time() - start)
-        lines.append((found.boxes.tolist(), tuple(found.names)))
+        lines.append((result.boxes.tolist(), tuple(result.names)))
 
     rng = np.random.default_rng(0)
     for path in paths:

@@ -64,8 +64,8 @@ def record(folder: Path) -> Path:
 def used() -> float:
     """Return the processor time of this process and of those that ended, in seconds."""
     kinds = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    found = [resource.getrusage(kind) for kind in kinds]
-    return sum(usage.ru_utime + usage.ru_stime for usage in found)
+    values = [resource.getrusage(kind) for kind in kinds]
+    return sum(usage.ru_utime + usage.ru_stime for usage in values)
 
 
 def read(folder: Path) -> Measured:
@@ -103,10 +103,10 @@ def row_of(output: str, folder: Path) -> list[str]:
         scores.append(score(folder, place / "all"))
         firsts.append(score(folder, place / "one", limit=1))
         both.append(score(folder, place / "two", workers=2))
-    reading = min(found.cpu for found in reads) / reads[0].rows
-    more = min(found.cpu for found in scores) - min(found.cpu for found in firsts)
+    reading = min(first.cpu for first in reads) / reads[0].rows
+    more = min(first.cpu for first in scores) - min(first.cpu for first in firsts)
     scoring = more / (scores[0].rows - firsts[0].rows)
-    rates = [spread([found.rate for found in part], 1) for part in (reads, scores, both)]
+    rates = [spread([first.rate for first in part], 1) for part in (reads, scores, both)]
     return [
         output,
         *rates,

@@ -42,8 +42,8 @@ def row(name: str, seconds: Sequence[float], goal: str = "") -> list[str]:
         unit = "ms"
         factor = 1000
     numbers = (min(seconds), statistics.median(seconds), max(seconds))
-    shown = " / ".join(f"{number * factor:.3g}" for number in numbers)
-    return [name, f"{shown} {unit}", str(len(seconds)), goal]
+    result = " / ".join(f"{number * factor:.3g}" for number in numbers)
+    return [name, f"{result} {unit}", str(len(seconds)), goal]
 
 
 def memory(desktop: EmbeddedDesktop, field: str = "Pss") -> float:
@@ -161,12 +161,12 @@ def parallel(count: int, seconds: float = 20) -> list[list[str]]:
         thread.start()
     for thread in threads:
         thread.join()
-    each = statistics.mean(memory(desktop) for desktop in desktops)
+    result = statistics.mean(memory(desktop) for desktop in desktops)
     for desktop in desktops:
         desktop.close()
     return [
         [f"{count} desktops, steps/s together", f"{sum(steps) / seconds:.0f}", "1", ""],
-        [f"{count} desktops, memory each (PSS)", f"{each:.0f} MiB", "1", ""],
+        [f"{count} desktops, memory each (PSS)", f"{result:.0f} MiB", "1", ""],
     ]
 
 
@@ -193,15 +193,15 @@ def fetched(names: Sequence[str], folder: Path) -> dict[str, int]:
 
 def on_disk(names: Sequence[str]) -> int:
     """Return the bytes that installed packages take, by their own records."""
-    shown = lines_of("apt-cache", "show", "--no-all-versions", *names)
-    sizes = [int(line.split()[1]) for line in shown if line.startswith("Installed-Size:")]
+    result = lines_of("apt-cache", "show", "--no-all-versions", *names)
+    sizes = [int(line.split()[1]) for line in result if line.startswith("Installed-Size:")]
     return 1024 * sum(sizes)
 
 
 def lines_of(*command: str) -> list[str]:
     """Return the output lines of a command that must succeed."""
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return done.stdout.splitlines()
+    process = subprocess.run(command, capture_output=True, text=True, check=True)
+    return process.stdout.splitlines()
 
 
 def installs() -> list[list[str]]:
@@ -213,12 +213,12 @@ def installs() -> list[list[str]]:
     base = ["apt", *(line.split()[0] for line in listed if line.endswith(" required"))]
     rows: list[list[str]] = []
     with tempfile.TemporaryDirectory() as empty:
-        known = set(fetched(base, Path(empty)))
+        names = set(fetched(base, Path(empty)))
         for name in ("core", "web", "office", "media", packages.ALL):
             profiles = [name] if name in ("core", packages.ALL) else ["core", name]
-            wanted = fetched([*base, *packages.packages(profiles)], Path(empty))
-            new = sorted(set(wanted) - known)
-            to_fetch = sum(wanted[one] for one in new) / 1e6
+            expected = fetched([*base, *packages.packages(profiles)], Path(empty))
+            new = sorted(set(expected) - names)
+            to_fetch = sum(expected[item] for item in new) / 1e6
             size = f"{to_fetch:.0f} MB to fetch, {on_disk(new) / 1e6:.0f} MB on disk"
             rows.append([f"profile {' + '.join(profiles)}: {len(new)} packages", size, "1", ""])
     return rows
@@ -232,10 +232,10 @@ def traces(name: str) -> list[str]:
         *Path("/sys/fs/cgroup").glob(f"*/*{name}*"),
     ]
     mounts = Path("/proc/self/mounts").read_text().splitlines()
-    found = [str(path) for path in paths]
-    found += [line for line in mounts if name in line]
-    found += [line for line in lines_of("ps", "-eo", "args") if f'"{name}' in line]
-    return found
+    values = [str(path) for path in paths]
+    values += [line for line in mounts if name in line]
+    values += [line for line in lines_of("ps", "-eo", "args") if f'"{name}' in line]
+    return values
 
 
 def programs() -> int:
@@ -259,10 +259,10 @@ def cycles(count: int) -> list[list[str]]:
     took = time.perf_counter() - start
     left = traces(name)
     more = programs() - processes
-    found = json.dumps(left) if left else "nothing"
+    outcome = json.dumps(left) if left else "nothing"
     return [
         [f"{count} cycles of up, reset, down", f"{took:.0f} s", str(count), ""],
-        ["left behind by them", f"{found}; processes on the machine: {more:+d}", "1", "nothing"],
+        ["left behind by them", f"{outcome}; processes on the machine: {more:+d}", "1", "nothing"],
     ]
 
 

@@ -15,7 +15,7 @@ SCENE = hj.Scene(size=(1080, 1920))
 def main() -> None:
     """Print the table."""
     torch.set_num_threads(1)
-    image, what = screenshot()
+    image, value = screenshot()
     target = image.copy()
     planar = torch.from_numpy(image.copy()).permute(2, 0, 1).contiguous()
     last = torch.from_numpy(image.copy()).permute(2, 0, 1)
@@ -35,14 +35,14 @@ def main() -> None:
         }
         # One after the other, so that the memcpy is hot, as the claim says; in turn, each would
         # evict the others.
-        found = {who: times(work) for who, work in works.items()}
-        base = found.pop("memcpy")
-        for backend, values in found.items():
+        entries = {who: times(work) for who, work in works.items()}
+        base = entries.pop("memcpy")
+        for backend, values in entries.items():
             rows.append(
                 [name, backend, cell(values), cell(base), ratio(values, base), cell(planning)]
             )
     print(
-        f"1080p uint8, one thread, {what}; milliseconds, min / median / max of 41.\n\n{machine()}\n"
+        f"1080p uint8, one thread, {value}; milliseconds, min / median / max of 41.\n\n{machine()}\n"
     )
     print(
         table(["corruption", "backend", "draw", "memcpy", "draw / memcpy", "planning, apart"], rows)

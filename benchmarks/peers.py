@@ -221,13 +221,13 @@ def times(work, runs=15):
 def main():
     image = np.load(sys.argv[1])
     target = image.copy()
-    found = {}
+    entries = {}
     for name, (make, package) in PEERS.items():
         try:
             version = importlib.metadata.version(package)
             works = make(image)
         except Exception as error:  # noqa: BLE001  (a peer that does not import is a result)
-            found[name] = {
+            entries[name] = {
                 "version": "",
                 "error": f"{type(error).__name__}: {error}"[:120],
                 "works": {},
@@ -242,8 +242,8 @@ def main():
                 }
             except Exception as error:  # noqa: BLE001
                 rows[work] = {"error": f"{type(error).__name__}: {error}"[:120]}
-        found[name] = {"version": version, "works": rows}
-    print(json.dumps(found))
+        entries[name] = {"version": version, "works": rows}
+    print(json.dumps(entries))
 
 
 if __name__ == "__main__":

@@ -27,19 +27,19 @@ EPISODES = 12  # of a run that are read
 
 def recorded() -> dict[str, list[Path]]:
     """The frames of the example recordings."""
-    found: dict[str, list[Path]] = {}
+    entries: dict[str, list[Path]] = {}
     for path in sorted(EXAMPLES.glob("*.png")):
-        found.setdefault(path.stem.rpartition("-")[0], []).append(path)
-    return found
+        entries.setdefault(path.stem.rpartition("-")[0], []).append(path)
+    return entries
 
 
 def played(runs: Path) -> dict[str, list[Path]]:
     """What the agent saw in the first episodes of a run."""
-    found: dict[str, list[Path]] = {}
+    entries: dict[str, list[Path]] = {}
     for folder in sorted(runs.glob("episodes/*/frames"))[:EPISODES]:
-        seen = {path.name.split(".")[0]: path for path in sorted(folder.glob("*.png"))}
-        found[folder.parent.name] = list(seen.values())
-    return found
+        calls = {path.name.split(".")[0]: path for path in sorted(folder.glob("*.png"))}
+        entries[folder.parent.name] = list(calls.values())
+    return entries
 
 
 def pixels(paths: list[Path]) -> Iterator[np.ndarray]:

@@ -104,10 +104,10 @@ def main_table(results: dict[Run, dict[str, Any]], held_out: str) -> str:
             without, augmented = (
                 counts(results, name, split, condition) for name in (None, held_out)
             )
-            what = f"**{condition}, held out**" if condition == held_out else condition
+            result = f"**{condition}, held out**" if condition == held_out else condition
             gain = accuracy(augmented, without)
             points = f"{100 * gain.value:+.1f} ({100 * gain.low:+.1f} to {100 * gain.high:+.1f})"
-            rows.append([where, what, str(accuracy(without)), str(accuracy(augmented)), points])
+            rows.append([where, result, str(accuracy(without)), str(accuracy(augmented)), points])
     return table(
         ["evaluated on", "corruption", "no augmentation", "augmented", "difference in points"], rows
     )

@@ -131,8 +131,8 @@ def in_windows(folder: Path) -> list[str]:
 
 def draw(report: RunReport, path: Path) -> None:
     """Write the success of each agent under each condition as an SVG."""
-    found = [[report.cell(agent, label) for label in report.labels] for agent in report.agents]
-    shares = [[0.0 if cell is None else cell.success or 0.0 for cell in row] for row in found]
+    result = [[report.cell(agent, label) for label in report.labels] for agent in report.agents]
+    shares = [[0.0 if cell is None else cell.success or 0.0 for cell in row] for row in result]
     with rc_context({"svg.hashsalt": "agenthijack", "svg.fonttype": "none"}):
         figure = Figure(figsize=(9, 1.5 + 0.42 * len(report.agents)), layout="constrained")
         axes = figure.subplots()
@@ -144,7 +144,7 @@ def draw(report: RunReport, path: Path) -> None:
         for row, values in enumerate(shares):
             for column, share in enumerate(values):
                 colour = "white" if share >= LEAST_DARK else "black"
-                text = "–" if found[row][column] is None else f"{100 * share:.0f}"
+                text = "–" if result[row][column] is None else f"{100 * share:.0f}"
                 axes.text(column, row, text, ha="center", va="center", color=colour)
         axes.set_title("Tasks solved, in percent", loc="left", fontsize="medium")
         figure.savefig(path, format="svg", metadata={"Date": None})

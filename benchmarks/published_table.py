@@ -55,21 +55,21 @@ def domains(run: Run, agent: str) -> str:
         label for label in corruptions_by_label(run.config) if (agent, label) in groups.scored
     ]
     domain_of = {task: tasks.get(task).domain for task in tasks.names()}
-    found: dict[str, dict[str, list[float]]] = {}
+    entries: dict[str, dict[str, list[float]]] = {}
     counted: dict[str, set[str]] = {}
     for label in labels:
         scored = groups.scored[agent, label]
         for task, score in zip(scores.task_names(scored), scored.values(), strict=True):
             domain = domain_of[task]
-            found.setdefault(domain, {}).setdefault(label, []).append(score)
+            entries.setdefault(domain, {}).setdefault(label, []).append(score)
             counted.setdefault(domain, set()).add(task)
     table = [
         [
             domain,
             str(len(counted[domain])),
-            *(f"{100 * fmean(own[label]):.0f}" if label in own else "" for label in labels),
+            *(f"{100 * fmean(value[label]):.0f}" if label in value else "" for label in labels),
         ]
-        for domain, own in sorted(found.items())
+        for domain, value in sorted(entries.items())
     ]
     return _markdown(["domain", "tasks", *labels], table)
 
@@ -101,8 +101,8 @@ def rewrite(page: Path, name: str, run: Run) -> None:
         ValueError: the page lacks a comment.
     """
     text = page.read_text(encoding="utf-8")
-    for kind, made in TABLES[name].items():
-        text = _with_table(text, begin(kind), made(run), page)
+    for kind, value in TABLES[name].items():
+        text = _with_table(text, begin(kind), value(run), page)
     write_atomic(page, text)
 
 
@@ -112,9 +112,9 @@ def written(text: str, kind: str) -> str:
 
 
 def _with_table(text: str, comment: str, table: str, page: Path) -> str:
-    before, found, rest = text.partition(comment)
+    before, value, rest = text.partition(comment)
     _, end, after = rest.partition(END)
-    if not (found and end):
+    if not (value and end):
         raise ValueError(f"{page}: has no place for a table; write {comment}{END}where it belongs")
     return f"{before}{comment}\n{table}\n{END}{after}"
 

@@ -92,8 +92,8 @@ def _resident() -> str:
         highest = next(line for line in status if "VmHWM" in line)
         return os.getpid(), int(highest.split()[1]) / 1024
 
-    found: dict[int, float] = dict(ray.get([peak.remote() for _ in range(2)]))
-    sizes = " and ".join(f"{value:.0f} MiB" for value in found.values())
+    entries: dict[int, float] = dict(ray.get([peak.remote() for _ in range(2)]))
+    sizes = " and ".join(f"{value:.0f} MiB" for value in entries.values())
     return f"{sizes} (peak)"
 
 

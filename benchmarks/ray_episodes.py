@@ -82,17 +82,17 @@ def _row(engine: str, bench: Bench, folder: Path) -> tuple[str, ...]:
 def _peak(engine: str) -> int:
     """The most memory that the process that plays has had, in bytes."""
     name = b"ray::NodeDesktop" if engine == RAY else b"spawn_main"
-    found = [0]
+    items = [0]
     for process in Path("/proc").glob("[0-9]*"):
         try:
             status = (process / "status").read_text()
             is_named = name in (process / "cmdline").read_bytes()
             if is_named and (engine == RAY or f"PPid:\t{os.getpid()}\n" in status):
                 line = next(part for part in status.splitlines() if part.startswith("VmHWM:"))
-                found.append(1024 * int(line.split()[1]))
+                items.append(1024 * int(line.split()[1]))
         except OSError:
             continue
-    return max(found)
+    return max(items)
 
 
 if __name__ == "__main__":

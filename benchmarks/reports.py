@@ -163,19 +163,19 @@ def ten_million_rows(path: Path) -> int:
 def goals(folder: Path, run_33210: Path) -> list[list[str]]:
     """Return what the reports with a goal of their own take, as rows of a table."""
     run = RESULTS / "reference_agents" / "run"
-    others, many = folder / "others.jsonl", folder / "many.parquet"
-    count, most = rows_of_others(others), ten_million_rows(many)
+    remaining, many = folder / "others.jsonl", folder / "many.parquet"
+    count, most = rows_of_others(remaining), ten_million_rows(many)
     rows: list[list[str]] = []
     for name, source, seconds, gib, peer in (
         ("4,320 episodes (docs/results/reference_agents)", run, 1.0, 1.0, JSON_LINES),
         ("33,210 episodes", run_33210, 5.0, 1.0, JSON_LINES),
-        (f"{count:,} rows of a table in JSON Lines", others, 20.0, 1.0, ARROW_JSON),
+        (f"{count:,} rows of a table in JSON Lines", remaining, 20.0, 1.0, ARROW_JSON),
         (f"{most:,} rows of a table in Parquet", many, 200.0, 2.0, ARROW_PARQUET),
     ):
         report = ["report", str(source)]
         measured = [measure_process(REPORT, report) for _ in range(RUNS)]
-        taken, computed = min(one[:2] for one in measured)
-        memory = max(one[2] for one in measured)
+        taken, computed = min(item[:2] for item in measured)
+        memory = max(item[2] for item in measured)
         file = source / RECORDS if source.is_dir() else source
         reading = min(measure_process(peer, [str(file)])[1] for _ in range(RUNS))
         is_met = "yes" if computed <= seconds and memory <= gib else "NO"
@@ -193,7 +193,7 @@ def measure_process(work: str, arguments: list[str]) -> tuple[float, float, floa
         "print(used.ru_utime + used.ru_stime, used.ru_maxrss / 2**20, file=sys.stderr)\n"
     )
     begin = time.perf_counter()
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code, *arguments],
         check=True,
         stdout=subprocess.DEVNULL,
@@ -201,7 +201,7 @@ def measure_process(work: str, arguments: list[str]) -> tuple[float, float, floa
         text=True,
     )
     taken = time.perf_counter() - begin
-    computed, memory = map(float, done.stderr.split()[-2:])
+    computed, memory = map(float, process.stderr.split()[-2:])
     return taken, computed, memory
 
 

@@ -42,11 +42,11 @@ def compared(image: np.ndarray, scale: float) -> list[list[str]]:
     works = peers(image, size)
     picture = Image.fromarray(image)
     exact = np.asarray(picture.resize(size[::-1], Image.Resampling.BICUBIC))
-    found = interleaved(works, 15)
+    result = interleaved(works, 15)
     rows: list[list[str]] = []
-    for name, values in found.items():
+    for name, values in result.items():
         layout = "first" if "first" in name else "last"
-        base = found[f"torch interpolate, channels {layout}"]
+        base = result[f"torch interpolate, channels {layout}"]
         differs = as_array(works[name]()) != exact
         wrong = str(int(differs.sum()))
         rows.append([f"{scale:g}", name, cell(values), ratio(values, base), wrong])
@@ -56,11 +56,11 @@ def compared(image: np.ndarray, scale: float) -> list[list[str]]:
 def main() -> None:
     """Print the table."""
     torch.set_num_threads(1)
-    image, what = screenshot()
+    image, value = screenshot()
     rows: list[list[str]] = []
     for scale in SCALES:
         rows += compared(image, scale)
-    print(f"1080p uint8, one thread, {what}; milliseconds, min / median / max of 15.\n")
+    print(f"1080p uint8, one thread, {value}; milliseconds, min / median / max of 15.\n")
     print(f"{machine()}\n")
     print(table(HEADER, rows))
 

@@ -40,13 +40,13 @@ def main() -> None:
     columns = ["clean", *corruption_names()[:9]]
     rows = []
     for source in sources:
-        for said, told in TOLD.items():
-            print(f"{source.name}, {said} ...", file=sys.stderr, flush=True)
-            if source == EXAMPLES and "apps" in told:
+        for output, message in TOLD.items():
+            print(f"{source.name}, {output} ...", file=sys.stderr, flush=True)
+            if source == EXAMPLES and "apps" in message:
                 continue  # they state their applications, which are others
-            found = rows_of(source, told)
+            result = rows_of(source, message)
             name = "examples" if source == EXAMPLES else source.name
-            rows.append([name, said, *(str(found.get(column, 0)) for column in columns)])
+            rows.append([name, output, *(str(result.get(column, 0)) for column in columns)])
     print(table(["source", "told", *columns], rows))
     print(
         "\nBefore 2026-11-22 the five of the machine gave, on recordings alone: agentnet_raw 1, 1,"

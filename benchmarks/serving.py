@@ -135,11 +135,11 @@ def _address(process: "subprocess.Popen[str]") -> str:
     """Wait for the line of a server that says where it is."""
     timer = threading.Timer(START, process.kill)
     timer.start()
-    found = re.search(r"http://\S+?(?=,)", process.stdout.readline() if process.stdout else "")
+    result = re.search(r"http://\S+?(?=,)", process.stdout.readline() if process.stdout else "")
     timer.cancel()
-    if found is None:
+    if result is None:
         sys.exit("the server did not start")
-    return found[0]
+    return result[0]
 
 
 def together(count: int, work: Callable[[int], None]) -> float:
@@ -152,21 +152,21 @@ def together(count: int, work: Callable[[int], None]) -> float:
 
 def played(place: InProcess | ThroughServer, count: int, episodes: int, steps: int) -> Timings:
     """Play episodes in all sessions at once."""
-    found = Timings()
+    timings = Timings()
 
     def session(number: int) -> None:
         for seed in range(episodes):
             start = time.monotonic()
             place.reset(number, seed)
-            found.resets.append(time.monotonic() - start)
+            timings.resets.append(time.monotonic() - start)
             for step in range(steps):
                 start = time.monotonic()
                 place.step(number, f"pyautogui.moveTo({300 + 40 * step}, {200 + 20 * step})")
-                found.steps.append(time.monotonic() - start)
+                timings.steps.append(time.monotonic() - start)
             place.end(number)
 
-    found.whole = together(count, session)
-    return found
+    timings.whole = together(count, session)
+    return timings
 
 
 def percentile(values: Sequence[float], share: float) -> float:
@@ -189,16 +189,16 @@ def compare(rounds: int, episodes: int, steps: int) -> str:
     rows: list[list[str]] = []
     ratios: list[str] = []
     for count in (1, 2, 4):
-        here, there = Timings(), Timings()
+        here, timings = Timings(), Timings()
         with closing(InProcess(count)) as inside, closing(ThroughServer(count, count)) as outside:
             for place in (inside, outside):
                 played(place, count, 1, 2)  # not counted: everything is loaded by it
             for _ in range(rounds):
                 here.add(played(inside, count, episodes, steps))
-                there.add(played(outside, count, episodes, steps))
-        for name, found in (("in the process", here), ("through the server", there)):
-            rows.append(_row(name, count, found))
-        medians = [statistics.median(found.steps) * 1e3 for found in (here, there)]
+                timings.add(played(outside, count, episodes, steps))
+        for name, value in (("in the process", here), ("through the server", timings)):
+            rows.append(_row(name, count, value))
+        medians = [statistics.median(value.steps) * 1e3 for value in (here, timings)]
         plural = "s" if count > 1 else ""
         ratios.append(
             f"With {count} session{plural}, the median step through the server takes"
@@ -269,11 +269,11 @@ def held(place: ThroughServer) -> dict[str, float]:
 
 def _children(pid: int) -> int:
     """Return how many processes a process has started itself: the keepers of its desktops."""
-    found = 0
+    result = 0
     for task in os.listdir(f"/proc/{pid}/task"):
         with contextlib.suppress(OSError), open(f"/proc/{pid}/task/{task}/children") as stream:
-            found += len(stream.read().split())
-    return found
+            result += len(stream.read().split())
+    return result
 
 
 def _shown(name: str, sample: dict[str, float]) -> str:

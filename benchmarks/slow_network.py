@@ -48,10 +48,10 @@ class Namespace:
 
 
 def _run(namespace: str, argv: list[str]) -> RunResult:
-    done = subprocess.run(
+    process = subprocess.run(
         ["ip", "netns", "exec", namespace, *argv], capture_output=True, text=True, check=False
     )
-    return RunResult("success", done.stdout, done.stderr, done.returncode)
+    return RunResult("success", process.stdout, process.stderr, process.returncode)
 
 
 def serve() -> None:

@@ -49,22 +49,22 @@ def by_task(records: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str,
 
 def measured(tasks: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, dict[str, float]]:
     """Return the medians of each task that the oracle solved."""
-    found: dict[str, dict[str, float]] = {}
+    entries: dict[str, dict[str, float]] = {}
     for name, played in sorted(tasks.items()):
         solved = [record for record in played if record["score"] == 1.0]
         if solved:
-            found[name] = {
+            entries[name] = {
                 "actions": int(statistics.median_low(record["steps"] - 1 for record in solved)),
                 "setup": round(statistics.median(r["setup_seconds"] for r in solved), 2),
                 "seconds": round(statistics.median(r["seconds"] for r in solved), 1),
             }
-    return found
+    return entries
 
 
 def write(figures: Mapping[str, Mapping[str, float]]) -> None:
     """Write `measured.yaml`; a task that was not played keeps what was measured before."""
-    known = yaml.safe_load(MEASURED.read_text()) | dict(figures)
-    figures = {name: known[name] for name in sorted(known) if name in suite.class_references()}
+    value = yaml.safe_load(MEASURED.read_text()) | dict(figures)
+    figures = {name: value[name] for name in sorted(value) if name in suite.class_references()}
     lines = [
         f"{name}: {{actions: {m['actions']}, setup: {m['setup']}, seconds: {m['seconds']}}}\n"
         for name, m in figures.items()
@@ -82,17 +82,17 @@ def main() -> None:
     options.add_argument("--suite", default="embedded", help="the set of tasks")
     options.add_argument("--runs", type=Path, help="a run that was made before")
     options.add_argument("--write", action="store_true")
-    given = options.parse_args()
+    args = options.parse_args()
     print(machine())
     with tempfile.TemporaryDirectory() as scratch:
         folders: dict[str, Path] = {}
         rows: list[list[str]] = []
-        if given.runs is not None:
-            folders["as run"] = given.runs
+        if args.runs is not None:
+            folders["as run"] = args.runs
         else:
-            for count in map(int, given.desktops.split(",")):
+            for count in map(int, args.desktops.split(",")):
                 folder = Path(scratch) / str(count)
-                seconds = play(count, given.seeds, given.suite, folder)
+                seconds = play(count, args.seeds, args.suite, folder)
                 folders[str(count)] = folder
                 episodes = len(records.read(folder).records)
                 rate = 3600 * episodes / seconds
@@ -102,7 +102,7 @@ def main() -> None:
         if rows:
             print(table(["desktops", "episodes", "minutes", "episodes an hour"], rows), "\n")
         print(summary(tasks))
-        if given.write:
+        if args.write:
             write(measured(tasks))
 
 

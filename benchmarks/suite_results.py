@@ -59,11 +59,11 @@ def episodes(folder: Path) -> dict[str, list[Played]]:
     run = records.read(folder)
     head = records.read_head(folder)
     commit = str(head["git"]["agenthijack"]["commit"])[:7]
-    found: dict[str, list[Played]] = defaultdict(list)
+    result: dict[str, list[Played]] = defaultdict(list)
     for record in run.records:
         if record["status"] != "ok":
             continue
-        found[record["agent"]].append(
+        result[record["agent"]].append(
             Played(
                 task=task_name(record["task"], record["task_seed"]),
                 corruption=record["corruption"],
@@ -75,7 +75,7 @@ def episodes(folder: Path) -> dict[str, list[Played]]:
                 commit=commit,
             )
         )
-    return found
+    return result
 
 
 def kept(agent: str) -> list[Played]:
@@ -100,7 +100,7 @@ def _typed(value: str, kind: object) -> Any:
 def keep(agent: str, played: Iterable[Played]) -> None:
     """Write the episodes of an agent, sorted and each once."""
     lines = [[field.name for field in fields(Played)]]
-    lines += [[str(value) for value in astuple(one)] for one in sorted(set(played))]
+    lines += [[str(value) for value in astuple(item)] for item in sorted(set(played))]
     text = "".join(",".join(line) + "\n" for line in lines)
     folder = RESULTS / "suite"
     folder.mkdir(parents=True, exist_ok=True)
@@ -124,18 +124,18 @@ def cell(task: Task, corruption: str, scores: Sequence[float]) -> str:
 
 def latest(played: Iterable[Played]) -> list[Played]:
     """Return the last episode of each task, corruption and seed."""
-    found: dict[tuple[str, str, int], Played] = {}
-    for one in sorted(played, key=lambda one: one.begun):
-        found[one.task, one.corruption, one.seed] = one
-    return list(found.values())
+    entries: dict[tuple[str, str, int], Played] = {}
+    for item in sorted(played, key=lambda item: item.begun):
+        entries[item.task, item.corruption, item.seed] = item
+    return list(entries.values())
 
 
 def by_case(played: Iterable[Played]) -> dict[tuple[str, str], list[float]]:
     """Return the scores of each task under each corruption."""
-    found: dict[tuple[str, str], list[float]] = defaultdict(list)
-    for one in played:
-        found[one.task, one.corruption].append(one.score)
-    return found
+    result: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for item in played:
+        result[item.task, item.corruption].append(item.score)
+    return result
 
 
 def totals(agents: Mapping[str, Sequence[Played]], tasks: Mapping[str, Task]) -> str:
@@ -148,7 +148,7 @@ def totals(agents: Mapping[str, Sequence[Played]], tasks: Mapping[str, Task]) ->
     for agent, played in agents.items():
         row = [f"`{agent}`, solved of played"]
         for corruption in COLUMNS:
-            scores = [one.score for one in played if one.corruption == corruption]
+            scores = [item.score for item in played if item.corruption == corruption]
             solved = sum(score == 1.0 for score in scores)
             row.append(f"{solved} of {len(scores)}" if scores else "not run")
         rows.append(row)
@@ -165,9 +165,9 @@ def against(tasks: Mapping[str, Task], played: Sequence[Played]) -> str:
         solved = sum(score == 1.0 for score in scores)
         if solved == (len(scores) if expected else 0):
             continue
-        said = "solvable" if expected else "not solvable"
+        output = "solvable" if expected else "not solvable"
         why = REASONS.get((name, corruption))
-        result = f"declared {said}, {solved} of {len(scores)}{f': {why}' if why else ''}"
+        result = f"declared {output}, {solved} of {len(scores)}{f': {why}' if why else ''}"
         lines.append(f"* `{name}` under {corruption}: {result}")
     return "\n".join(lines) or "None."
 
@@ -191,7 +191,7 @@ def all_tasks() -> dict[str, Task]:
 
 def page(agents: Mapping[str, Sequence[Played]]) -> str:
     """Return the page in Markdown."""
-    known = all_tasks()
+    result = all_tasks()
     parts = [
         "# Which tasks can be solved under which corruption",
         "<!-- Made by `python benchmarks/suite_results.py`: run it again, do not edit. -->",
@@ -215,20 +215,20 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
         "hijack bench embedded --agent recovering --corruptions marks --out runs/recovering-marks\n"
         "python benchmarks/suite_results.py runs/recovering-marks\n```",
         "## Solved of played episodes",
-        totals(agents, known),
+        totals(agents, result),
     ]
     if agents.get("recovering"):
         parts += [
             "## Where `recovering` and the declaration differ",
             "Each task declares under which corruptions not even a careful user can do it.",
-            against(known, agents["recovering"]),
+            against(result, agents["recovering"]),
         ]
     for agent, played in agents.items():
         parts += [
             f"## Each task with `{agent}`",
             f"{SOLVED} solved, {FAILED} not solved, {UNSOLVABLE} declared unsolvable; a fraction"
             " where episodes of one case ended differently; empty where none was played.",
-            by_task(known, played),
+            by_task(result, played),
         ]
     return "\n\n".join(parts) + "\n"
 
@@ -237,9 +237,9 @@ def main() -> None:
     """Add the runs and make the page."""
     options = argparse.ArgumentParser()
     options.add_argument("runs", nargs="*", type=Path, help="folders of runs to add")
-    given = options.parse_args()
+    args = options.parse_args()
     agents = {agent: kept(agent) for agent in AGENTS}
-    for folder in given.runs:
+    for folder in args.runs:
         for agent, played in episodes(folder).items():
             if agent in agents:
                 agents[agent] += played

@@ -70,14 +70,14 @@ def templates(folder: Path) -> dict[str, Template]:
     screens = [np.array(Image.open(path).convert("RGB")) for path in shots]
     cast = Cast(agents=("gpt-9",), tasks=("write_note",), labels=tuple(PLANNERS), screens=screens)
     run = play_run(folder, cast)
-    found: dict[str, Template] = {}
+    entries: dict[str, Template] = {}
     for home in sorted((run / "episodes").iterdir()):
         record = json.loads((home / "episode.json").read_bytes())
         lines = [json.loads(line) for line in (home / "steps.jsonl").read_bytes().splitlines()]
-        found[record["corruption"]] = Template(
+        entries[record["corruption"]] = Template(
             record, lines, sorted((home / "frames").glob("*.png"))
         )
-    return found
+    return entries
 
 
 def write_run(folder: Path, made: Mapping[str, Template], seeds: int) -> Path:
@@ -157,9 +157,9 @@ def viewing(run: Path) -> Iterator[tuple["subprocess.Popen[str]", str, float]]:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:
-        found = re.search(r"http://\S+", process.stdout.readline())
-        assert found is not None
-        yield process, found[0], time.perf_counter() - start
+        result = re.search(r"http://\S+", process.stdout.readline())
+        assert result is not None
+        yield process, result[0], time.perf_counter() - start
     finally:
         process.kill()
         process.wait()
@@ -181,7 +181,7 @@ def until(browser: Browser, work: str, done: str) -> float:
 
 def measure(run: Path, browser: Browser) -> dict[str, list[float]]:
     """Return the seconds of each thing, once a round."""
-    found: dict[str, list[float]] = {}
+    entries: dict[str, list[float]] = {}
     for turn in range(ROUNDS):
         with viewing(run) as (process, url, started):
             start = time.perf_counter()
@@ -199,35 +199,38 @@ def measure(run: Path, browser: Browser) -> dict[str, list[float]]:
                 f" [...document.querySelectorAll('#list .label')].every(e => e.textContent === '{label}')",
             )
             name = episode_slug("task_20", label, turn % 3, "pixel", 0)
-            one = until(browser, f"location.hash = '#episode={name}&step=2'", SHOWN)
+            result = until(browser, f"location.hash = '#episode={name}&step=2'", SHOWN)
             browser.js("document.querySelector('.after').removeAttribute('src')")
             step = until(browser, f"location.hash = '#episode={name}&step=3'", SHOWN)
-        for what, seconds in {
+        for value, seconds in {
             "hijack view: address printed": started,
             "page: list drawn": page,
             "together: opening": started + page,
             "processor time of hijack view for that": used,
             "filter and search": search,
-            "episode, with its picture": one,
+            "episode, with its picture": result,
             "next step, with its picture": step,
         }.items():
-            found.setdefault(what, []).append(seconds)
-    return found
+            entries.setdefault(value, []).append(seconds)
+    return entries
 
 
 def limits(run: Path) -> dict[str, list[float]]:
     """Return what no viewer in Python could save: its start, and parsing the journal."""
-    found: dict[str, list[float]] = {"limit: python -c 'import numpy, PIL'": [], "limit: JSON": []}
+    entries: dict[str, list[float]] = {
+        "limit: python -c 'import numpy, PIL'": [],
+        "limit: JSON": [],
+    }
     for _ in range(ROUNDS):
         start = time.perf_counter()
         subprocess.run([sys.executable, "-c", "import numpy, PIL.Image"], check=True)
-        found["limit: python -c 'import numpy, PIL'"].append(time.perf_counter() - start)
+        entries["limit: python -c 'import numpy, PIL'"].append(time.perf_counter() - start)
         start = time.perf_counter()
         with (run / "records.jsonl").open("rb") as journal:
             for line in journal:
                 json.loads(line)
-        found["limit: JSON"].append(time.perf_counter() - start)
-    return found
+        entries["limit: JSON"].append(time.perf_counter() - start)
+    return entries
 
 
 def main() -> None:
@@ -237,20 +240,20 @@ def main() -> None:
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as temporary:
         home = arguments.keep or Path(temporary)
         home.mkdir(parents=True, exist_ok=True)
-        made = templates(home / "templates") if not (home / "templates").exists() else None
+        result = templates(home / "templates") if not (home / "templates").exists() else None
         results: dict[int, dict[str, list[float]]] = {}
         with chromium(Path(temporary) / "profile") as browser:
             for size, seeds in SIZES.items():
                 run = home / f"run-{size}"
-                if made is not None:
-                    write_run(run, made, seeds)
+                if result is not None:
+                    write_run(run, result, seeds)
                 results[size] = {**measure(run, browser), **limits(run)}
                 megabytes = (run / "records.jsonl").stat().st_size / 2**20
                 print(f"{size} episodes, journal of {megabytes:.1f} MB", file=sys.stderr)
     print(f"{machine()}\n")
-    rows = [[what, *(spread(results[size][what], 2) for size in SIZES)] for what in results[3690]]
-    used = {n: min(found["processor time of hijack view for that"]) for n, found in results.items()}
-    parsing = {n: min(found["limit: JSON"]) for n, found in results.items()}
+    rows = [[item, *(spread(results[size][item], 2) for size in SIZES)] for item in results[3690]]
+    used = {n: min(value["processor time of hijack view for that"]) for n, value in results.items()}
+    parsing = {n: min(value["limit: JSON"]) for n, value in results.items()}
     rows.append(
         ["processor time, to that of JSON", *(f"{used[n] / parsing[n]:.2f}x" for n in SIZES)]
     )

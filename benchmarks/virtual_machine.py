@@ -68,15 +68,18 @@ def embedded(runs: int, acts: int) -> tuple[Seconds, dict[str, float]]:
     seconds: Seconds = {"up": [], "reset, browser open": []}
     sizes: dict[str, float] = {}
     for _ in range(runs):
-        made: list[EmbeddedDesktop] = []
+        items: list[EmbeddedDesktop] = []
         seconds["up"].append(
             timed(
-                lambda made=made: (made.append(EmbeddedDesktop.up()), made[0].client.screenshot())
+                lambda items=items: (
+                    items.append(EmbeddedDesktop.up()),
+                    items[0].client.screenshot(),
+                )
             )
         )
         time.sleep(SETTLING)
-        sizes["desktop"] = memory(made[0])
-        made[0].close()
+        sizes["desktop"] = memory(items[0])
+        items[0].close()
     with EmbeddedDesktop.up(apps=("browser",)) as desktop:
         time.sleep(SETTLING)
         sizes["with browser"] = memory(desktop)
@@ -124,11 +127,11 @@ def guest(runs: int, acts: int, kvm: bool) -> tuple[Seconds, dict[str, float], f
     seconds: Seconds = {"up": []}
     with prepared() as (image, folder):
         for _ in range(runs - 1 if kvm else 0):
-            with Machine(image, folder, kvm) as one:
-                seconds["up"].append(one.wait())
-        with Machine(image, folder, kvm) as one:
-            seconds["up"].append(one.wait())
-            sizes = session(one, seconds, runs, acts, kvm)
+            with Machine(image, folder, kvm) as result:
+                seconds["up"].append(result.wait())
+        with Machine(image, folder, kvm) as result:
+            seconds["up"].append(result.wait())
+            sizes = session(result, seconds, runs, acts, kvm)
         return seconds, sizes, image.size / 2**20
 
 
@@ -154,19 +157,21 @@ def session(one: Machine, seconds: Seconds, runs: int, acts: int, kvm: bool) -> 
 
 def compare(runs: int, acts: int, kvm: bool) -> list[list[str]]:
     """Rows: what, the guest, the embedded desktop, and the ratio of the medians."""
-    there, sizes, disk = guest(runs, acts, kvm)
+    value, sizes, disk = guest(runs, acts, kvm)
     here, own_sizes = embedded(runs, acts)
     rows: list[list[str]] = []
-    for name in dict.fromkeys((*there, *here)):
+    for name in dict.fromkeys((*value, *here)):
         slow = not kvm and name in here
-        values = [] if slow else there.get(name, [])
-        own = here.get(name, [])
+        values = [] if slow else value.get(name, [])
+        result = here.get(name, [])
         ratio = (
-            f"{statistics.median(values) / statistics.median(own):.3g}x" if values and own else ""
+            f"{statistics.median(values) / statistics.median(result):.3g}x"
+            if values and result
+            else ""
         )
         cells = [
             "needs KVM" if slow else row("", values)[1] if values else "",
-            row("", own)[1] if own else "",
+            row("", result)[1] if result else "",
         ]
         rows.append([name, *cells, ratio])
     for name, size in sizes.items():

@@ -52,8 +52,8 @@ def check(dataset: Path) -> None:
     counted = {name: len(split) for name, split in rows.items()}
     if declared != counted:
         raise SystemExit(f"{dataset}: the card says {declared} rows, there are {counted}")
-    found = {name for split in rows.values() for name in split["corruption"]}
-    lacking = {name.partition(":")[0] for name in CORRUPTIONS.split(",")} - found
+    names = {name for split in rows.values() for name in split["corruption"]}
+    lacking = {name.partition(":")[0] for name in CORRUPTIONS.split(",")} - names
     if lacking:
         raise SystemExit(f"{dataset}: no row shows {', '.join(sorted(lacking))}")
     problems = verify(dataset).problems

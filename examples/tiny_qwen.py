@@ -35,8 +35,8 @@ def answer(point: tuple[int, int]) -> str:
 
 def read_answer(text: str) -> tuple[int, int] | None:
     """Return the point that a model said, in its own pixels, or `None` where it said none."""
-    found = re.search(r"\((\d{1,5}),(\d{1,5})\)", text)
-    return (int(found[1]), int(found[2])) if found else None
+    result = re.search(r"\((\d{1,5}),(\d{1,5})\)", text)
+    return (int(result[1]), int(result[2])) if result else None
 
 
 def build() -> Qwen2_5_VLForConditionalGeneration:
@@ -92,17 +92,17 @@ class Collate:
 
     def __call__(self, rows: list[dict[str, Any]]) -> dict[str, torch.Tensor]:
         """Return `pixel_values`, `image_grid_thw`, and tokens with the answers as labels."""
-        seen = self.processor.theirs(images=[row["image"] for row in rows], return_tensors="pt")
-        asked = []
-        said = []
-        for row, grid in zip(rows, seen["image_grid_thw"].tolist(), strict=True):
+        calls = self.processor.theirs(images=[row["image"] for row in rows], return_tensors="pt")
+        requests = []
+        output = []
+        for row, grid in zip(rows, calls["image_grid_thw"].tolist(), strict=True):
             picture = [VISION_START, *[IMAGE] * (int(np.prod(grid)) // MERGE**2), VISION_END]
-            asked.append(picture + encode(row["instruction"]))
-            said.append([*encode(answer(self.point(row))), END])
-        longest = max(len(a) + len(s) for a, s in zip(asked, said, strict=True))
+            requests.append(picture + encode(row["instruction"]))
+            output.append([*encode(answer(self.point(row))), END])
+        longest = max(len(a) + len(s) for a, s in zip(requests, output, strict=True))
         ids = torch.full((len(rows), longest), PAD)
         labels = torch.full((len(rows), longest), IGNORED)
-        for n, (before, after) in enumerate(zip(asked, said, strict=True)):
+        for n, (before, after) in enumerate(zip(requests, output, strict=True)):
             whole = len(before) + len(after)
             ids[n, :whole] = torch.tensor(before + after)
             labels[n, len(before) : whole] = torch.tensor(after)
@@ -113,7 +113,7 @@ class Collate:
             "attention_mask": (ids != PAD).long(),
             "labels": labels,
             "mm_token_type_ids": kinds,
-            **seen,
+            **calls,
         }
 
     def point(self, row: dict[str, Any]) -> tuple[int, int]:

@@ -23,7 +23,7 @@ STD = np.array([0.26862954, 0.26130258, 0.27577711], np.float32)
 
 def samples(folder: Path = RECORDINGS) -> list[dict[str, Any]]:
     """Return the recorded steps that click on something, as samples without their pictures."""
-    found: list[dict[str, Any]] = []
+    items: list[dict[str, Any]] = []
     for line in (folder / "trajectories.jsonl").read_text().splitlines():
         row = json.loads(line)
         if "target_box" in row:
@@ -34,8 +34,8 @@ def samples(folder: Path = RECORDINGS) -> list[dict[str, Any]]:
                 "target": row["target_box"],
                 "elements": row["elements"],
             }
-            found.append(sample)
-    return found
+            items.append(sample)
+    return items
 
 
 class Processor:
@@ -83,11 +83,13 @@ class Processor:
 
     def _by_transformers(self, image: np.ndarray, grid: tuple[int, int]) -> np.ndarray:
         pictures = [np.array(image)]
-        made = self.theirs(images=pictures, return_tensors="np", input_data_format="channels_last")
-        _, *theirs = made["image_grid_thw"][0]
+        result = self.theirs(
+            images=pictures, return_tensors="np", input_data_format="channels_last"
+        )
+        _, *theirs = result["image_grid_thw"][0]
         if tuple(theirs) != grid:
             raise ValueError(f"the processor makes {theirs} patches, and not {grid}")
-        return np.asarray(made["pixel_values"], np.float32)
+        return np.asarray(result["pixel_values"], np.float32)
 
 
 def _by_numpy(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:

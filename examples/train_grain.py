@@ -56,8 +56,8 @@ def loss_of(params: dict[str, Any], batch: dict[str, Any]) -> Any:
 
     Every patch is scored; the mean of their centres under the softmax is the click.
     """
-    seen = jnp.concatenate([batch["patches"], batch["centres"]], axis=-1)
-    hidden = jax.nn.gelu(seen @ params["in"])
+    calls = jnp.concatenate([batch["patches"], batch["centres"]], axis=-1)
+    hidden = jax.nn.gelu(calls @ params["in"])
     weights = jax.nn.softmax(hidden @ params["out"], axis=1)
     point = (weights * batch["centres"]).sum(axis=1)
     return jnp.abs(point - batch["point"]).mean()

@@ -66,9 +66,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         if is_slow(item.path):
             item.add_marker("slow")
     selected = parts.select(items, config.option.part, config.option.draw)
-    others = [item for item in items if item.nodeid not in selected]
-    if others:
-        config.hook.pytest_deselected(items=others)
+    matches = [item for item in items if item.nodeid not in selected]
+    if matches:
+        config.hook.pytest_deselected(items=matches)
         items[:] = [item for item in items if item.nodeid in selected]
 
 
@@ -91,15 +91,15 @@ def is_slow(path: Path) -> bool:
 @pytest.fixture(autouse=True)
 def forgotten_names() -> Iterator[None]:
     """What a test registers is unknown to the next one, whose messages list all names."""
-    before = {one.group: set(one.entries) for one in registry.registries()}
+    before = {item.group: set(item.entries) for item in registry.registries()}
     yield
-    for one in registry.registries():
-        for name in set(one.entries) - before.get(one.group, set()):
+    for item in registry.registries():
+        for name in set(item.entries) - before.get(item.group, set()):
             # What stands for an agent of a user, or of a file, is an object of a class of ours.
-            entry = one.entries[name]
+            entry = item.entries[name]
             kind = type(entry).__name__
             if not registry.is_ours(entry) or kind in ("AgentReference", "FileAgentMaker"):
-                del one.entries[name]
+                del item.entries[name]
 
 
 @pytest.fixture(scope="session")
@@ -119,8 +119,8 @@ def noise() -> np.ndarray:
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     """A headless Chromium for the tests of a module; skips where there is none."""
-    with chromium(tmp_path_factory.mktemp("chromium")) as found:
-        yield found
+    with chromium(tmp_path_factory.mktemp("chromium")) as result:
+        yield result
 
 
 @pytest.fixture

@@ -59,15 +59,17 @@ def test_all_names_exist_and_are_documented():
 def test_type_checkers_see_the_names_that_are_loaded(package):
     tree = ast.parse(Path(package.__file__).read_text())
     (block,) = [node for node in tree.body if isinstance(node, ast.If)]
-    seen: dict[str, tuple[str, ...]] = {}
+    entries: dict[str, tuple[str, ...]] = {}
     homes = block.body
     if package is hj:
         plugin, *homes = homes
         assert ast.unparse(plugin) == "from . import plugin as plugin"
     for node in homes:
-        seen[node.module] = seen.get(node.module, ()) + tuple(each.asname for each in node.names)
+        entries[node.module] = entries.get(node.module, ()) + tuple(
+            item.asname for item in node.names
+        )
     prefix = f"{package.__name__}."
-    assert seen == {home.removeprefix(prefix): names for home, names in package._HOMES.items()}
+    assert entries == {home.removeprefix(prefix): names for home, names in package._HOMES.items()}
     assert all(getattr(package, name).__name__ == name for name in package.__all__)
 
 
@@ -94,10 +96,10 @@ def test_importing_loads_nothing_heavy():
         "numpy",
     )
     code = f"import sys, hijack_data, pipelines; print([m for m in {heavy} if m in sys.modules])"
-    found = subprocess.run(
+    stdout = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout
-    assert found.strip() == "[]"
+    assert stdout.strip() == "[]"
 
 
 def python(code):
@@ -143,12 +145,12 @@ def test_no_public_name_is_a_module_of_the_standard_library():
 
 def test_dir_shows_what_is_ours():
     importlib.import_module("hijack_data.elements")
-    shown = {name for name in dir(hj) if not name.startswith("__")}
-    assert set(hj.__all__) <= shown
-    assert "elements" in shown
-    assert {"importlib", "sys", "ModuleType", "TYPE_CHECKING"} & shown == set()
+    names = {name for name in dir(hj) if not name.startswith("__")}
+    assert set(hj.__all__) <= names
+    assert "elements" in names
+    assert {"importlib", "sys", "ModuleType", "TYPE_CHECKING"} & names == set()
     ours = "hijack_data"
-    assert all(getattr(getattr(hj, name), "__module__", ours).startswith(ours) for name in shown)
+    assert all(getattr(getattr(hj, name), "__module__", ours).startswith(ours) for name in names)
 
 
 def test_an_unknown_name_is_an_attribute_error():

@@ -73,11 +73,11 @@ def is_opaque_but_for_its_corners(entry, pixels):
         assert not pixels[[0, -1], :, 3].any()
         assert not pixels[:, [0, -1], 3].any()
     elif pixels.shape[2] == 4:
-        seen = pixels[..., 3]
-        assert set(np.unique(seen)) == {0, 255}
-        assert (seen == 0).sum() < 400
-        assert (seen[12:-12] == 255).all()
-        assert not pixels[seen == 0].any()
+        pixel = pixels[..., 3]
+        assert set(np.unique(pixel)) == {0, 255}
+        assert (pixel == 0).sum() < 400
+        assert (pixel[12:-12] == 255).all()
+        assert not pixels[pixel == 0].any()
 
 
 @pytest.mark.parametrize("entry", ENTRIES.values(), ids=list(ENTRIES))
@@ -101,14 +101,14 @@ def test_places_are_inside_their_picture(entry):
 
 @pytest.mark.parametrize("kind", picture_kinds())
 def test_every_kind_is_there_with_what_it_must_have(kind):
-    found = [entry for entry in ENTRIES.values() if entry["kind"] == kind]
-    assert found
+    matches = [entry for entry in ENTRIES.values() if entry["kind"] == kind]
+    assert matches
     if kind in (*WHOLE, "menu", "dialog"):
-        assert all(entry["recover"] for entry in found)
-        assert any(entry["targets"] for entry in found)
+        assert all(entry["recover"] for entry in matches)
+        assert any(entry["targets"] for entry in matches)
     if kind in WHOLE:
-        assert {tuple(entry["screen"]) for entry in found} == SCREENS
-        assert all(entry["box"] == [0, 0, *entry["screen"]] for entry in found)
+        assert {tuple(entry["screen"]) for entry in matches} == SCREENS
+        assert all(entry["box"] == [0, 0, *entry["screen"]] for entry in matches)
 
 
 def test_windows_come_from_several_applications_in_several_sizes():

@@ -18,7 +18,7 @@ BROKEN = {
     "refused": "cannot register Plain: the field 'thickness' is not declared with param",
     "unusable": "out_of_range.thickness must be int >= 1, got 0",
 }
-NINE_AND_ONE = 10
+ALL_AND_ONE = 15  # the nine, the plug-in, and the set everyday
 NO_CLASS = "wrong_shape"
 # What is wrong with the plug-in of each other kind, and how its name is asked for.
 BUILD = ("build", "RECORDINGS", "--out", "OUT")
@@ -47,10 +47,10 @@ def screen():
 
 def hijack(env, *words, code=0, cwd=ROOT):
     command = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, env=env, cwd=cwd, timeout=300)
-    assert done.returncode == code, (done.returncode, done.stdout, done.stderr)
-    assert "Traceback" not in done.stderr
-    return done
+    process = subprocess.run(command, capture_output=True, text=True, env=env, cwd=cwd, timeout=300)
+    assert process.returncode == code, (process.returncode, process.stdout, process.stderr)
+    assert "Traceback" not in process.stderr
+    return process
 
 
 def python(env, *words, code=0):
@@ -58,16 +58,16 @@ def python(env, *words, code=0):
     path = f"{ROOT}{os.pathsep}{env['PYTHONPATH']}"
     env = {**env, "PYTHONPATH": path}
     command = [sys.executable, *words]
-    done = subprocess.run(command, capture_output=True, text=True, env=env, timeout=300)
-    assert done.returncode == code, done.stderr
-    return done
+    process = subprocess.run(command, capture_output=True, text=True, env=env, timeout=300)
+    assert process.returncode == code, process.stderr
+    return process
 
 
 def test_each_is_named_once_with_the_cure(installed):
-    said = hijack(installed, "list").stderr
-    assert said.count("hijack: warning: ") == len(BROKEN) == said.count("\n")
+    output = hijack(installed, "list").stderr
+    assert output.count("hijack: warning: ") == len(BROKEN) == output.count("\n")
     for name, reason in BROKEN.items():
-        (line,) = [line for line in said.splitlines() if f"the plug-in {name!r} " in line]
+        (line,) = [line for line in output.splitlines() if f"the plug-in {name!r} " in line]
         assert f"of hijack-broken 1.2.3 (broken_plugins.{name}) cannot be loaded" in line
         assert reason in line
         assert line.endswith("remove it: pip uninstall hijack-broken")
@@ -75,8 +75,8 @@ def test_each_is_named_once_with_the_cure(installed):
 
 def test_list_shows_all_others(installed):
     rows = json.loads(hijack(installed, "list", "--json").stdout)
-    assert len(rows) == NINE_AND_ONE
-    assert rows[-1]["name"] == "whole"
+    assert len(rows) == ALL_AND_ONE
+    assert rows[9]["name"] == "whole"
     assert json.loads(hijack(installed, "show", "whole", "--json").stdout)["id"] == "whole-v1"
 
 
@@ -107,17 +107,17 @@ def test_workers_do_not_repeat_the_warnings(installed, tmp_path):
         "    with multiprocessing.get_context('spawn').Pool(1) as pool:\n"
         "        assert pool.apply(hj.corruption_names) == hj.corruption_names()\n"
     )
-    done = python(installed, str(script))
-    assert done.stderr.count("cannot be loaded and was left out") == len(BROKEN)
+    result = python(installed, str(script))
+    assert result.stderr.count("cannot be loaded and was left out") == len(BROKEN)
 
 
 def test_an_effect_that_nobody_can_perform_may_be_that_of_a_broken_plugin(installed):
     code = "import online_env.effects as e; e.perform(e.base.Effect('hurtful'), None)"
-    done = python(installed, "-c", code, code=1)
-    assert "left out, as they cannot be loaded: the plug-in 'hurt'" in done.stderr
-    done = python(installed, "-c", code.replace("hurtful", "hurt"), code=1)
-    assert "the effect 'hurt' cannot be used: the plug-in 'hurt'" in done.stderr
-    assert "OSError: [Errno 5] no such device" in done.stderr.splitlines()[-1]
+    result = python(installed, "-c", code, code=1)
+    assert "left out, as they cannot be loaded: the plug-in 'hurt'" in result.stderr
+    result = python(installed, "-c", code.replace("hurtful", "hurt"), code=1)
+    assert "the effect 'hurt' cannot be used: the plug-in 'hurt'" in result.stderr
+    assert "OSError: [Errno 5] no such device" in result.stderr.splitlines()[-1]
 
 
 @pytest.mark.parametrize("kinds", SHAPES)
@@ -126,37 +126,39 @@ def test_a_plugin_of_each_kind_may_be_broken(installed, kinds, tmp_path):
     if words:
         places = {"RECORDINGS": ROOT / "examples" / "recordings", "OUT": tmp_path / "out"}
         command = [places.get(word, word) for word in words]
-        said = hijack(installed, *command, NO_CLASS, code=2).stderr
+        output = hijack(installed, *command, NO_CLASS, code=2).stderr
     else:
         code = "import sys; from hijack_data.registry import find_registry as r; r(sys.argv[1])"
-        said = python(installed, "-c", f"{code}.get('{NO_CLASS}')", kinds, code=1).stderr
+        output = python(installed, "-c", f"{code}.get('{NO_CLASS}')", kinds, code=1).stderr
     kind = WORDS.get(kinds, kinds.removesuffix("s"))
-    assert f"the {kind} {NO_CLASS!r} cannot be used: the plug-in {NO_CLASS!r} of hijack-bro" in said
-    assert reason in said.splitlines()[-1]
+    assert (
+        f"the {kind} {NO_CLASS!r} cannot be used: the plug-in {NO_CLASS!r} of hijack-bro" in output
+    )
+    assert reason in output.splitlines()[-1]
 
 
 def test_a_name_of_ours_cannot_be_taken(installed):
     words = ("bench", "embedded_small", "--dry-run", "--agent", "oracle")
-    done = hijack(installed, *words)
-    assert "(broken_plugins.wrong) cannot be loaded and was left out: " in done.stderr
-    assert "'oracle' is taken by online_env.agents.oracle; choose another name" in done.stderr
-    assert "cannot register Polite of " in done.stderr
-    assert "oracle  compare_ferries" in done.stdout
+    result = hijack(installed, *words)
+    assert "(broken_plugins.wrong) cannot be loaded and was left out: " in result.stderr
+    assert "'oracle' is taken by online_env.agents.oracle; choose another name" in result.stderr
+    assert "cannot register Polite of " in result.stderr
+    assert "oracle  compare_ferries" in result.stdout
 
 
 def test_the_benchmark_is_listed(installed):
     words = ("bench", "embedded_small", "--dry-run", "--corruptions")
     assert "whole" in hijack(installed, *words, "clean,whole").stdout
-    said = hijack(installed, *words, "boom", code=2).stderr
-    assert "hijack: error: the corruption 'boom' cannot be used" in said
+    output = hijack(installed, *words, "boom", code=2).stderr
+    assert "hijack: error: the corruption 'boom' cannot be used" in output
     assert "did you mean 'marks'" in hijack(installed, *words, "marsk", code=2).stderr
 
 
 @pytest.mark.parametrize("name", BROKEN)
 def test_who_asks_for_it_is_told_the_reason(installed, name, screen, tmp_path):
     words = ("apply", screen, name, "-o", tmp_path / "o.png")
-    said = hijack(installed, *words, code=2).stderr.splitlines()
-    (error,) = [line for line in said if line.startswith("hijack: error: ")]
+    output = hijack(installed, *words, code=2).stderr.splitlines()
+    (error,) = [line for line in output if line.startswith("hijack: error: ")]
     assert f"the corruption {name!r} cannot be used" in error
     assert BROKEN[name] in error
     assert "pip uninstall hijack-broken" in error
@@ -164,27 +166,27 @@ def test_who_asks_for_it_is_told_the_reason(installed, name, screen, tmp_path):
 
 def test_so_it_is_under_the_name_that_it_registered(installed):
     for name in ("half_done", "half_done-v1", "out_of_range"):
-        said = hijack(installed, "show", name, code=2).stderr
-        assert "hijack: error: the corruption" in said
-        assert "cannot be used: the plug-in" in said
+        output = hijack(installed, "show", name, code=2).stderr
+        assert "hijack: error: the corruption" in output
+        assert "cannot be used: the plug-in" in output
 
 
 def test_a_configuration_that_names_it_says_where(installed, tmp_path):
     config = tmp_path / "c.yaml"
     config.write_text("corruptions:\n  - marks\n  - boom\n")
     words = ("build", ROOT / "examples" / "recordings", "--out", tmp_path / "d", "--config", config)
-    said = hijack(installed, *words, code=2).stderr
-    assert "c.yaml:3:5: the corruption 'boom' cannot be used" in said
-    assert BROKEN["boom"] in said
+    output = hijack(installed, *words, code=2).stderr
+    assert "c.yaml:3:5: the corruption 'boom' cannot be used" in output
+    assert BROKEN["boom"] in output
 
 
 def test_other_mistakes_are_still_told(installed):
-    said = hijack(installed, "show", "marsk", code=2).stderr
-    assert "unknown corruption 'marsk'; did you mean 'marks'?" in said
+    output = hijack(installed, "show", "marsk", code=2).stderr
+    assert "unknown corruption 'marsk'; did you mean 'marks'?" in output
     # Nobody knows that the plug-in refused would have registered this one.
-    said = hijack(installed, "show", "plain_line", code=2).stderr
-    assert "unknown corruption 'plain_line'" in said
-    assert BROKEN["refused"] in said.splitlines()[-1]
+    output = hijack(installed, "show", "plain_line", code=2).stderr
+    assert "unknown corruption 'plain_line'" in output
+    assert BROKEN["refused"] in output.splitlines()[-1]
 
 
 def test_doctor_lists_them(installed):
@@ -223,4 +225,4 @@ def test_python_is_warned(installed):
 
 def test_warnings_as_errors_leave_the_command_line_alone(installed):
     strict = {**installed, "PYTHONWARNINGS": "error::UserWarning"}
-    assert len(json.loads(hijack(strict, "list", "--json").stdout)) == NINE_AND_ONE
+    assert len(json.loads(hijack(strict, "list", "--json").stdout)) == ALL_AND_ONE

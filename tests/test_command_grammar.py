@@ -82,16 +82,16 @@ finally:
 def test_what_needs_no_command_imports_none(words: list[str]):
     place = os.environ | ({} if words else {"_HIJACK_COMPLETE": "bash_complete"})
     place |= {} if words else {"COMP_WORDS": "hijack s", "COMP_CWORD": "1"}
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", SPY, *words], capture_output=True, text=True, env=place, check=False
     )
-    assert done.stderr.splitlines()[-1] == "[]", done.stderr
+    assert process.stderr.splitlines()[-1] == "[]", process.stderr
     if words == ["--help"]:
-        assert all(re.search(rf"^  {name} ", done.stdout, re.M) for name in COMMANDS)
-        assert not re.search(r"\w\.\.\.", done.stdout), "a summary is cut off"
+        assert all(re.search(rf"^  {name} ", process.stdout, re.M) for name in COMMANDS)
+        assert not re.search(r"\w\.\.\.", process.stdout), "a summary is cut off"
     if not words:
-        found = [line.partition(",")[2] for line in done.stdout.splitlines()]
-        assert found == [name for name in COMMANDS if name.startswith("s")]
+        values = [line.partition(",")[2] for line in process.stdout.splitlines()]
+        assert values == [name for name in COMMANDS if name.startswith("s")]
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -163,14 +163,14 @@ def test_an_error_names_the_page_that_explains_it(tmp_path: Path):
     assert [part for part in help_pages.EXPLAINED if part not in headings] == []
     subtitle = ["subtitle", "--set", "font_size=400", "-o", str(tmp_path / "x.png")]
     screen = ROOT / "examples" / "recordings" / "images" / "notes-04.png"
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "hijack_data.cli", "apply", str(screen), *subtitle],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 2
-    assert "explained in docs/troubleshooting.md#does-not-fit\n" in done.stderr
+    assert process.returncode == 2
+    assert "explained in docs/troubleshooting.md#does-not-fit\n" in process.stderr
     anchors = {part: help_pages.anchor(part) for part in help_pages.EXPLAINED[:2]}
     assert list(anchors.values()) == [
         "pip-install",
@@ -189,11 +189,11 @@ def test_the_help_of_each_command_fits_a_screen():
 
 def test_every_option_is_in_the_help_of_all():
     command = EVERY["build"]
-    done = CliRunner().invoke(command, ["--help-all"])
-    assert done.exit_code == 0
+    result = CliRunner().invoke(command, ["--help-all"])
+    assert result.exit_code == 0
     for parameter in command.params:
         if isinstance(parameter, click.Option):
-            assert parameter.opts[-1] in done.output, parameter.opts
+            assert parameter.opts[-1] in result.output, parameter.opts
     assert "--episode-key" not in CliRunner().invoke(command, ["--help"]).output
 
 
@@ -216,8 +216,8 @@ def test_values_are_completed(words: str, value: str):
     line = f"hijack {words}"
     environment = {"_HIJACK_COMPLETE": "bash_complete", "COMP_WORDS": line}
     environment["COMP_CWORD"] = str(len(line.split()) - 1)
-    done = CliRunner().invoke(hijack, env=environment, prog_name="hijack")
-    assert f"plain,{value}" in done.output.splitlines()
+    result = CliRunner().invoke(hijack, env=environment, prog_name="hijack")
+    assert f"plain,{value}" in result.output.splitlines()
 
 
 def test_usage_is_an_error_of_one_line(capsys: pytest.CaptureFixture[str]):

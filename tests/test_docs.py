@@ -74,7 +74,7 @@ def test_every_block_says_what_it_is(block):
 @pytest.mark.parametrize("block", COMMANDS, ids=lambda block: block.name)
 def test_every_command_could_run(block):
     assert block.lines
-    assert {line: found for line in block.lines if (found := problem(line))} == {}
+    assert {line: result for line in block.lines if (result := problem(line))} == {}
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_a_page_makes_the_environment_active_before_it_uses_it(page):
 def test_commands_in_the_text_exist(page):
     prose = re.sub(r"^( *)```.*?^\1```", "", page.read_text(), flags=re.S | re.M)
     named = re.findall(r"`(?:sudo )?(?:\.venv/bin/)?hijack ([^`]+)`", prose)
-    wrong = {words: found for words in named if (found := of_hijack(words.split()))}
+    wrong = {words: value for words in named if (value := of_hijack(words.split()))}
     assert wrong == {}
     # Python of a virtual environment is not root's: sudo would not find it.
     assert "sudo hijack" not in page.read_text()
@@ -166,8 +166,8 @@ def test_nothing_that_is_printed_asks_sudo_for_a_program_it_does_not_find():
 
 def test_the_reference_page_is_the_registry():
     command = [sys.executable, "-m", "hijack_data.cli", "list", "--markdown"]
-    made = subprocess.run(command, capture_output=True, text=True, check=True).stdout
-    assert (ROOT / "docs" / "corruptions.md").read_text() == made, (
+    stdout = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert (ROOT / "docs" / "corruptions.md").read_text() == stdout, (
         "run: hijack list --markdown > docs/corruptions.md"
     )
 

@@ -27,14 +27,14 @@ ROWS = [
 @pytest.fixture(scope="module")
 def pictures() -> dict[str, np.ndarray]:
     """Every screenshot by row id, decoded: uint8 [H, W, 3]."""
-    found = {}
+    entries = {}
     for row in ROWS:
         with Image.open(FOLDER / row["image"]) as image:
             assert (image.format, image.mode, image.size) == ("PNG", "RGB", (WIDTH, HEIGHT)), row[
                 "image"
             ]
-            found[row["id"]] = np.asarray(image)
-    return found
+            entries[row["id"]] = np.asarray(image)
+    return entries
 
 
 def _inside(box: list[int]) -> bool:

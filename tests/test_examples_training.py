@@ -39,9 +39,9 @@ def imported(monkeypatch, name):
 
 def run(script, *options):
     command = [sys.executable, "-W", "error", str(EXAMPLES / script), *options]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert process.returncode == 0, process.stderr
+    return process.stdout
 
 
 def test_torch_example():
@@ -123,17 +123,17 @@ def test_the_answer_leads_back_to_the_target_on_the_screen(vlm, qwen):
         for plan in (None, spec.plan(hj.Scene(size=(1080, 1920)), seed=1)):
             row, size = sample(vlm, n, plan)
             batch = qwen.Collate()([row])
-            said = qwen.decode([t for t in batch["labels"][0].tolist() if t != qwen.IGNORED])
+            output = qwen.decode([t for t in batch["labels"][0].tolist() if t != qwen.IGNORED])
             grid = batch["image_grid_thw"][0].tolist()
-            x, y = qwen.read_answer(said)
+            x, y = qwen.read_answer(output)
             assert 0 <= x < grid[2] * vlm.PATCH
             assert 0 <= y < grid[1] * vlm.PATCH
-            seen = vlm.Processor().coords(size)
-            assert seen.observation == (grid[1] * vlm.PATCH, grid[2] * vlm.PATCH)
+            calls = vlm.Processor().coords(size)
+            assert calls.observation == (grid[1] * vlm.PATCH, grid[2] * vlm.PATCH)
             x, y = (
-                seen.to_screen((x, y))
+                calls.to_screen((x, y))
                 if plan is None
-                else plan.coords.to_screen(seen.to_screen((x, y)))
+                else plan.coords.to_screen(calls.to_screen((x, y)))
             )
             assert box[0] <= x < box[2]
             assert box[1] <= y < box[3]

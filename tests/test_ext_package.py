@@ -96,16 +96,16 @@ def dataset(installed, recording, tmp_path_factory):
 
 def hijack(env, *words, code=0):
     command = [sys.executable, "-m", "hijack_data.cli", *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, env=env)
-    assert done.returncode == code, done.stdout + done.stderr
-    return done.stdout if code == 0 else done.stderr
+    process = subprocess.run(command, capture_output=True, text=True, env=env)
+    assert process.returncode == code, process.stdout + process.stderr
+    return process.stdout if code == 0 else process.stderr
 
 
 def test_the_plugins_are_listed_after_the_nine(installed):
     rows = json.loads(hijack(installed, "list", "--json"))
-    assert [r["name"] for r in rows][9:] == ["dead_pixels", "quiet_hours"]
-    shown = json.loads(hijack(installed, "show", "dead_pixels", "--json"))
-    assert shown["parameters"][1]["default"] == 3
+    assert [r["name"] for r in rows][9:11] == ["dead_pixels", "quiet_hours"]
+    data = json.loads(hijack(installed, "show", "dead_pixels", "--json"))
+    assert data["parameters"][1]["default"] == 3
 
 
 def test_doctor_lists_each_kind(installed):
@@ -216,8 +216,8 @@ def test_a_users_agent_and_task(installed, tmp_path):
     assert code["press_mine"]["path"] == str(task.resolve())
     hijack(installed, *words, "--resume")
     agent.write_text(AGENT + "# changed\n")
-    said = hijack(installed, *words, "--resume", code=2)
-    assert f"is another run: code.{agent}:Mine.sha256 was " in said
+    output = hijack(installed, *words, "--resume", code=2)
+    assert f"is another run: code.{agent}:Mine.sha256 was " in output
 
 
 def test_a_configuration_may_name_them(installed, tmp_path):
@@ -225,10 +225,10 @@ def test_a_configuration_may_name_them(installed, tmp_path):
     config = tmp_path / "b.yaml"
     named = f"[oracle, {tmp_path}/my_agent.py:Mine, {tmp_path}/my_agent.py:Mind]"
     config.write_text(f"agents: {named}\ntasks: [press_ok]\ncorruptions: [clean]\n")
-    said = hijack(installed, "bench", config, "--dry-run", code=2)
-    assert "b.yaml:1:" in said
-    assert "agents[2]: " in said
-    assert "has no 'Mind'; did you mean 'Mine'?" in said
+    output = hijack(installed, "bench", config, "--dry-run", code=2)
+    assert "b.yaml:1:" in output
+    assert "agents[2]: " in output
+    assert "has no 'Mind'; did you mean 'Mine'?" in output
     config.write_text(config.read_text().replace(f", {tmp_path}/my_agent.py:Mind", ""))
     listed = hijack(installed, "bench", config, "--dry-run")
     assert "my_agent.py:Mine  press_ok  seed 0  clean" in listed
@@ -237,9 +237,11 @@ def test_a_configuration_may_name_them(installed, tmp_path):
 def test_a_task_with_a_name_of_ours_is_refused(installed, tmp_path):
     (tmp_path / "my_task.py").write_text(TASK.replace("press_mine", "write_note"))
     words = ("--dry-run", "--tasks", f"{tmp_path}/my_task.py:Mine")
-    said = hijack(installed, "bench", "embedded_small", *words, code=2)
-    assert f"cannot register Mine of {(tmp_path / 'my_task.py').resolve()}: 'write_note' is" in said
-    assert "taken by online_env.tasks.suite.editor.write_note" in said
+    output = hijack(installed, "bench", "embedded_small", *words, code=2)
+    assert (
+        f"cannot register Mine of {(tmp_path / 'my_task.py').resolve()}: 'write_note' is" in output
+    )
+    assert "taken by online_env.tasks.suite.editor.write_note" in output
 
 
 def test_a_users_reader_and_writer(installed, recording, tmp_path):
@@ -252,9 +254,9 @@ def test_a_users_reader_and_writer(installed, recording, tmp_path):
     parameters = json.loads((out / "manifest.json").read_text())["parameters"]
     assert parameters["reader"] == "mine_csv"
     assert parameters["format_sha256"] == hashlib.sha256(READER.encode()).hexdigest()
-    made = tmp_path / "made"
-    hijack(installed, "export", out, "--to", f"{tmp_path}/my_export.py:Mine", "--out", made)
-    lines = (made / "mine.txt").read_text().splitlines()
+    value = tmp_path / "made"
+    hijack(installed, "export", out, "--to", f"{tmp_path}/my_export.py:Mine", "--out", value)
+    lines = (value / "mine.txt").read_text().splitlines()
     assert lines == ["pyautogui.click(100, 200)", "pyautogui.click(300, 220)"]
 
 

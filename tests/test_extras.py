@@ -127,9 +127,9 @@ def without(modules: Any, places: dict[str, Path], commands: Any, code: Any = ()
         "code": {name: name for name in code},
     }
     command = [sys.executable, ROOT / "tests" / "support" / "lacking.py", json.dumps(order)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert process.returncode == 0, process.stderr
+    return json.loads(process.stdout.splitlines()[-1])
 
 
 @pytest.fixture(scope="module")
@@ -168,50 +168,52 @@ def test_the_remedy_adds_to_what_is_installed(origin: str, command: str) -> None
 
 @pytest.mark.parametrize("words", COMMANDS_WITHOUT_ONLINE)
 def test_a_command_without_online(words: str, no_online: Results) -> None:
-    done = no_online[words]
-    assert "Traceback" not in done["printed"], done["printed"]
-    assert done["error"] == ""
+    value = no_online[words]
+    assert "Traceback" not in value["printed"], value["printed"]
+    assert value["error"] == ""
     extra = COMMANDS_WITHOUT_ONLINE[words]
     if extra != WORKS:
-        assert says(done, extra), done["printed"]
-        assert done["code"] in (1, 2)
-        errors = [line for line in done["printed"].splitlines() if line.startswith("hijack: error")]
-        assert len(errors) == (words != "desktop doctor"), done["printed"]
+        assert says(value, extra), value["printed"]
+        assert value["code"] in (1, 2)
+        errors = [
+            line for line in value["printed"].splitlines() if line.startswith("hijack: error")
+        ]
+        assert len(errors) == (words != "desktop doctor"), value["printed"]
     else:
-        assert done["code"] in (0, 1), done["printed"]
-        assert words == "doctor" or not says(done, "online"), done["printed"]
+        assert value["code"] in (0, 1), value["printed"]
+        assert words == "doctor" or not says(value, "online"), value["printed"]
 
 
 @pytest.mark.parametrize("text", CODE_WITHOUT_ONLINE)
 def test_code_without_online(text: str, no_online: Results) -> None:
-    done = no_online[text]
+    value = no_online[text]
     if CODE_WITHOUT_ONLINE[text] == LACKS:
-        assert "'MissingDependencyError'" in done["error"]
-        assert "'ImportError'" in done["error"]
-        assert says(done, "online"), done["printed"]
+        assert "'MissingDependencyError'" in value["error"]
+        assert "'ImportError'" in value["error"]
+        assert says(value, "online"), value["printed"]
     else:
-        assert done["error"] == "", done["printed"]
+        assert value["error"] == "", value["printed"]
 
 
 @pytest.mark.parametrize("text", CODE_WITH_CORE_ALONE)
 def test_code_with_the_core_alone(text: str, core_alone: Results) -> None:
-    done = core_alone[text]
-    assert "'MissingDependencyError'" in done["error"], done
-    assert says(done, CODE_WITH_CORE_ALONE[text]), done["printed"]
+    value = core_alone[text]
+    assert "'MissingDependencyError'" in value["error"], value
+    assert says(value, CODE_WITH_CORE_ALONE[text]), value["printed"]
 
 
 @pytest.mark.parametrize("words", CORE_ALONE)
 def test_a_command_with_the_core_alone(words: str, core_alone: Results) -> None:
-    done, extra = core_alone[words], CORE_ALONE[words]
-    assert done["error"] == "", done["printed"]
+    value, extra = core_alone[words], CORE_ALONE[words]
+    assert value["error"] == "", value["printed"]
     if extra == SAYS_AND_GOES_ON:
-        assert says(done, "hf"), done["printed"]
-        assert done["code"] in (None, 0), done["printed"]
+        assert says(value, "hf"), value["printed"]
+        assert value["code"] in (None, 0), value["printed"]
     elif extra:
-        assert says(done, extra), done["printed"]
-        assert done["code"] in (1, 2)
+        assert says(value, extra), value["printed"]
+        assert value["code"] in (1, 2)
     else:
-        assert done["code"] == 0, done["printed"]
+        assert value["code"] == 0, value["printed"]
 
 
 def test_every_command_is_tried() -> None:
@@ -223,11 +225,11 @@ def test_the_extras_are_those_of_the_project() -> None:
     """What is installed is what the file says; `make env` makes it so again."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert set(extras.extras()) == set(project["optional-dependencies"])
-    found = {name: set(modules) for name, modules in extras.extras().items()}
-    assert {"Xlib", "multipart", "urllib3"} <= found["online"]
-    assert found["vision"] == {"cv2"}
-    assert {"torch", "transformers"} <= found["train"]
-    assert found["online"] | found["hf"] <= found["all"]
+    entries = {name: set(modules) for name, modules in extras.extras().items()}
+    assert {"Xlib", "multipart", "urllib3"} <= entries["online"]
+    assert entries["vision"] == {"cv2"}
+    assert {"torch", "transformers"} <= entries["train"]
+    assert entries["online"] | entries["hf"] <= entries["all"]
 
 
 def test_what_the_desktop_needs_is_in_its_extra() -> None:
@@ -269,8 +271,8 @@ def test_doctor_has_a_row_for_every_extra_and_one_for_the_desktop() -> None:
     declared = set(extras.extras()) - {"all"}
     assert {row[1] for row in doctor_rows.extra_rows()} == declared == set(doctor_rows.PURPOSES)
     command = [sys.executable, "-m", "hijack_data.cli", "doctor", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    rows = {row["what"]: row for row in json.loads(done.stdout)["found"]}
+    process = subprocess.run(command, capture_output=True, text=True, check=True)
+    rows = {row["what"]: row for row in json.loads(process.stdout)["found"]}
     assert declared | {"core", "desktop"} <= set(rows)
     assert rows["core"]["ok"] is True
     assert rows["core"]["found"].startswith("Python 3.")

@@ -53,7 +53,7 @@ def toys(grounding):
         "blue": (30, 50, 220),
         "yellow": (240, 220, 40),
     }
-    made = []
+    items = []
     for n in range(24):
         rng = np.random.default_rng(n)
         image = np.full((128, 192, 3), rng.integers(90, 200), np.uint8)
@@ -72,8 +72,8 @@ def toys(grounding):
             tuple(colours),
             (0, 1, 2, 3),
         )
-        made.append(page)
-    return made
+        items.append(page)
+    return items
 
 
 # Pages
@@ -87,16 +87,16 @@ def test_a_seed_is_a_page(grounding):
     assert len(names) == sum(
         map(len, (grounding.markup.ACTIONS, grounding.markup.PLACES, grounding.markup.FIELDS))
     )
-    seen = set()
+    calls = set()
     for html in pages:
         labels = re.findall(r"<(?:button|a)[^>]*>([^<]+)</|<span>([^<]+)</span>", html)
-        labels = [one or other for one, other in labels]
+        labels = [value or second for value, second in labels]
         assert len(labels) == len(set(labels)), (
             "a label may be asked for only where it is the only one"
         )
         assert set(labels) <= names
-        seen |= set(labels)
-    assert seen == names
+        calls |= set(labels)
+    assert calls == names
 
 
 def test_one_may_ask_for_any_size_of_page(grounding):
@@ -123,10 +123,10 @@ def test_boxes_are_where_the_pixels_are(grounding, chromium, tmp_path):
         <input style="{style}left:0;top:30px;width:80px;height:30px"></label>"""
     with grounding.browser.Browser(tmp_path, (400, 640), density=2) as page:
         page.show(html)
-        found = {(c["label"], c["kind"]): c for c in page.value(f"{grounding.pages.CONTROLS}(2)")}
+        entries = {(c["label"], c["kind"]): c for c in page.value(f"{grounding.pages.CONTROLS}(2)")}
         picture = page.picture()
     assert picture.shape == (800, 1280, 3)
-    assert {key: c["unique"] for key, c in found.items()} == {
+    assert {key: c["unique"] for key, c in entries.items()} == {
         ("Go", "button"): True,
         ("Twice", "button"): False,
         ("Twice", "a"): False,
@@ -134,8 +134,8 @@ def test_boxes_are_where_the_pixels_are(grounding, chromium, tmp_path):
     }
     rows, columns = np.nonzero((picture == (255, 0, 0)).all(-1))
     red = [columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]
-    assert found["Go", "button"]["box"] == [int(v) for v in red] == [100, 60, 300, 140]
-    assert found["Name", "input"]["box"] == [100, 460, 260, 520]
+    assert entries["Go", "button"]["box"] == [int(v) for v in red] == [100, 60, 300, 140]
+    assert entries["Name", "input"]["box"] == [100, 460, 260, 520]
 
 
 def test_a_page_that_does_not_load_is_named(grounding, chromium, tmp_path):
@@ -153,7 +153,7 @@ def test_a_page_that_does_not_load_is_named(grounding, chromium, tmp_path):
 def test_rendering_is_done_once(grounding, chromium, tmp_path):
     folder = tmp_path / "pages"
     grounding.pages.render(folder, 2, 1, sites=False)
-    made = {path.name: path.read_bytes() for path in folder.iterdir()}
+    entries = {path.name: path.read_bytes() for path in folder.iterdir()}
     stamp = (folder / "pages.json").stat().st_mtime_ns
     grounding.pages.render(folder, 2, 1, sites=False)
     assert (folder / "pages.json").stat().st_mtime_ns == stamp
@@ -170,7 +170,7 @@ def test_rendering_is_done_once(grounding, chromium, tmp_path):
             )
     grounding.pages.render(folder, 1, 1, sites=False)
     assert [page.split for page in grounding.pages.load(folder)] == ["train", "new"]
-    assert (folder / "seed-0000.png").read_bytes() == made["seed-0000.png"]
+    assert (folder / "seed-0000.png").read_bytes() == entries["seed-0000.png"]
     assert not (folder / "seed-0002.png").exists()
 
 
@@ -221,9 +221,9 @@ def test_a_batch_is_corrupted_by_id_seed_and_epoch(grounding):
     assert first.pictures.shape == (6, 3, 400, 640)
     again = grounding.data.batch_of(pages[::-1], augment, seed=1, epoch=0)
     assert torch.equal(first.pictures, again.pictures.flip(0))
-    for other in ({"seed": 2, "epoch": 0}, {"seed": 1, "epoch": 1}):
+    for second in ({"seed": 2, "epoch": 0}, {"seed": 1, "epoch": 1}):
         assert not torch.equal(
-            first.pictures, grounding.data.batch_of(pages, augment, **other).pictures
+            first.pictures, grounding.data.batch_of(pages, augment, **second).pictures
         )
     clean = grounding.data.batch_of(pages, None, seed=1)
     assert (clean.pictures == 200).all()
@@ -242,9 +242,9 @@ def test_what_is_hidden_is_not_asked_for(grounding):
     page = screen(grounding, [(10, 10, 60, 40), (int(x), int(y), int(x) + size, int(y) + size)])
     assert grounding.data.corrupted(page, None).labels == ["label 0", "label 1"]
     assert grounding.data.corrupted(page, "subtitle").labels == ["label 0"]
-    one = grounding.data.corrupted(page, "marks").pictures
-    assert torch.equal(one, grounding.data.corrupted(page, "marks").pictures)
-    assert not torch.equal(one, grounding.data.corrupted(page, None).pictures)
+    pictures = grounding.data.corrupted(page, "marks").pictures
+    assert torch.equal(pictures, grounding.data.corrupted(page, "marks").pictures)
+    assert not torch.equal(pictures, grounding.data.corrupted(page, None).pictures)
 
 
 def test_the_corruptions_are_the_librarys_defaults(grounding):
@@ -309,8 +309,8 @@ def test_it_learns(grounding, toys):
     new = [page for page in toys if page.split == "new"]
     net, losses = grounding.train.train(train, [], 0, settings)
     assert np.mean(losses[-10:]) < 0.5 * np.mean(losses[:10])
-    asked, hit = grounding.train.evaluate(net, new, None).sum(0)
-    assert asked == 32
+    requests, hit = grounding.train.evaluate(net, new, None).sum(0)
+    assert requests == 32
     assert hit >= 24, "a random click on a field hits 8"
     again, same = grounding.train.train(train, [], 0, dataclasses.replace(settings, steps=3))
     assert same[0] == losses[0], "first weights and first batch are the seed's"
@@ -391,8 +391,8 @@ def test_runs_are_kept_and_told_apart(grounding, toys, tmp_path, monkeypatch, ca
     assert grounding.runs.perform(tmp_path, runs, settings, jobs=1) == results
     assert len(list(tmp_path.rglob("*.tmp"))) == 0
     assert capfd.readouterr().err.count("loss") == 4
-    other = dataclasses.replace(settings, steps=3)
-    assert grounding.runs.fingerprint(tmp_path, other) != grounding.runs.fingerprint(
+    second = dataclasses.replace(settings, steps=3)
+    assert grounding.runs.fingerprint(tmp_path, second) != grounding.runs.fingerprint(
         tmp_path, settings
     )
     report = importlib.import_module("proof").report(results, ["subtitle"], settings, some)

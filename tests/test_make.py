@@ -28,13 +28,13 @@ def test_a_python_that_cannot_carry_it_is_refused(change: str, tmp_path: Path):
     python.write_text(CHANGED.format(python=sys.executable, change=change))
     python.chmod(0o755)
     (tmp_path / "pyproject.toml").touch()
-    done = subprocess.run(
+    process = subprocess.run(
         ["make", "-f", str(ROOT / "Makefile"), f"PYTHON={python}", "demo"],
         cwd=tmp_path,
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 2
-    assert SAID[change] in done.stdout
+    assert process.returncode == 2
+    assert SAID[change] in process.stdout
     assert not (tmp_path / ".venv").exists()

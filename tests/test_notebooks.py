@@ -13,9 +13,9 @@ NEEDS = {"datasets": "datasets", "torch_training": "torchvision", "jax_grain": "
 @pytest.mark.parametrize("name", NEEDS)
 def test_a_notebook_shows_what_is_stored_in_it(name: str, tmp_path: Path):
     pytest.importorskip(NEEDS[name])
-    made = notebooks.run(name, tmp_path)
-    stored = notebooks.NOTEBOOKS / made.name
-    assert notebooks.shown(made) == notebooks.shown(stored), "run examples/notebooks/run.py"
+    result = notebooks.run(name, tmp_path)
+    stored = notebooks.NOTEBOOKS / result.name
+    assert notebooks.shown(result) == notebooks.shown(stored), "run examples/notebooks/run.py"
 
 
 def test_all_are_tried_and_small():

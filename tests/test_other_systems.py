@@ -63,15 +63,15 @@ def test_what_works_on_another_system_and_what_says_that_it_does_not(system: str
         "commands": {words: words.format_map(places).split() for words in commands},
         "code": {},
     }
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, ROOT / "tests" / "support" / "lacking.py", json.dumps(order)],
         capture_output=True,
         text=True,
         timeout=300,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
-    for words, result in json.loads(done.stdout.splitlines()[-1]).items():
+    assert process.returncode == 0, process.stderr
+    for words, result in json.loads(process.stdout.splitlines()[-1]).items():
         assert result["error"] == "", f"{words}: {result['printed']}"
         assert commands[words] in result["printed"], words
         works = not commands[words] or words == "doctor"

@@ -23,8 +23,8 @@ MOVED = {
 def tracked(*folders: str) -> list[str]:
     """The files of some folders that a release is made of."""
     command = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "--", *folders]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    return [name for name in done.stdout.splitlines() if (ROOT / name).is_file()]
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    return [name for name in process.stdout.splitlines() if (ROOT / name).is_file()]
 
 
 @pytest.fixture(scope="module")
@@ -51,18 +51,18 @@ def test_the_wheel_holds_every_file_of_the_packages_and_no_other(wheel: zipfile.
     expected = set(tracked(*PACKAGES))
     for folder, place in MOVED.items():
         expected |= {place + name.removeprefix(folder) for name in tracked(folder)}
-    held = {name for name in wheel.namelist() if ".dist-info/" not in name}
-    assert held == expected
-    assert {f"{package}/py.typed" for package in PACKAGES} <= held
+    names = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    assert names == expected
+    assert {f"{package}/py.typed" for package in PACKAGES} <= names
 
 
 def test_the_sdist_holds_what_the_wheel_is_made_of(built: Path):
     (path,) = built.glob("*.tar.gz")
     with tarfile.open(path) as archive:
-        held = {name.partition("/")[2] for name in archive.getnames()}
-    assert set(tracked(*PACKAGES, *MOVED)) <= held
-    assert {"README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md", "pyproject.toml"} <= held
-    assert not [name for name in held if name.startswith(("tests/", "benchmarks/", ".ci"))]
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert set(tracked(*PACKAGES, *MOVED)) <= names
+    assert {"README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md", "pyproject.toml"} <= names
+    assert not [name for name in names if name.startswith(("tests/", "benchmarks/", ".ci"))]
 
 
 def test_the_metadata_say_how_it_is_used(wheel: zipfile.ZipFile):
@@ -91,10 +91,10 @@ def test_what_is_new_is_taken_into_the_changelog():
     pytest.importorskip("towncrier", reason="needs the extra [dev]")
     command = [sys.executable, "-m", "towncrier", "build", "--draft", "--version", "next"]
     draft = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout
-    said = " ".join(draft.split())
+    output = " ".join(draft.split())
     for file in (ROOT / ".changes").iterdir():
         if file.name != "README.md":
-            assert " ".join(file.read_text().split()) in said, file.name
+            assert " ".join(file.read_text().split()) in output, file.name
 
 
 @pytest.mark.parametrize("name", ["tests", "wheels", "docs"])

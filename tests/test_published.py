@@ -35,9 +35,9 @@ def published_run(name: str) -> Run:
 
 @pytest.mark.parametrize("name", WITH_RECORDS)
 def test_a_report_is_that_of_its_records(name):
-    found = read_report(RESULTS / name / "report.json")
-    made = build_report(published_run(name))
-    assert replace(made, run=replace(made.run, name=name)) == found, REMEDY
+    report = read_report(RESULTS / name / "report.json")
+    result = build_report(published_run(name))
+    assert replace(result, run=replace(result.run, name=name)) == report, REMEDY
 
 
 def test_the_tables_of_pages_are_those_of_the_records(published_table):
@@ -46,8 +46,8 @@ def test_the_tables_of_pages_are_those_of_the_records(published_table):
     for name in tabled:
         page = (RESULTS / name / "about.md").read_text(encoding="utf-8")
         run = published_run(name)
-        for kind, made in published_table.TABLES[name].items():
-            assert published_table.written(page, kind) == made(run).strip(), REMEDY
+        for kind, value in published_table.TABLES[name].items():
+            assert published_table.written(page, kind) == value(run).strip(), REMEDY
 
 
 def test_the_readme_counts_the_episodes_of_its_figure():
@@ -69,12 +69,12 @@ def test_the_readme_counts_the_episodes_of_its_figure():
 
 def solved_by_case(name: str) -> dict[tuple[str, str], bool]:
     """Whether `pixel` solved a task under a corruption with seed 0."""
-    found = {}
+    entries = {}
     for record in published_run(name).records:
         if record["agent"] == "pixel" and record["seed"] == 0:
             task = scores.task_name(record["task"], record["task_seed"])
-            found[task, record["corruption"]] = record["score"] == 1.0
-    return found
+            entries[task, record["corruption"]] = record["score"] == 1.0
+    return entries
 
 
 def test_the_counts_in_the_text_of_all_tasks_are_those_of_the_records():

@@ -33,13 +33,13 @@ def place(request: pytest.FixtureRequest, tmp_path: Path):
 
     def make(name: str) -> Path:
         if request.param == "module":
-            found = tmp_path / f"{name}.py"
-            found.touch()
-            return found
-        found = tmp_path / name
-        found.mkdir()
-        (found / "__init__.py").touch()
-        return found
+            value = tmp_path / f"{name}.py"
+            value.touch()
+            return value
+        value = tmp_path / name
+        value.mkdir()
+        (value / "__init__.py").touch()
+        return value
 
     return make
 
@@ -69,32 +69,32 @@ def test_the_module_form_says_so_too(name: str, place, tmp_path: Path) -> None:
 
 def test_what_does_not_need_the_package_goes_on(place, tmp_path: Path) -> None:
     place("pipelines")
-    done = python(tmp_path, START, "show", "marks")
-    assert (done.returncode, done.stderr) == (0, "")
+    result = python(tmp_path, START, "show", "marks")
+    assert (result.returncode, result.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_folder_that_is_no_package_is_in_nobodys_way(name: str, tmp_path: Path) -> None:
     (tmp_path / name).mkdir()  # ours, which has an __init__.py, comes before it
-    done = python(tmp_path, START, *USES[name])
-    assert "in the place" not in done.stderr, done.stderr
+    result = python(tmp_path, START, *USES[name])
+    assert "in the place" not in result.stderr, result.stderr
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_import_of_the_core_warns(name: str, place, tmp_path: Path) -> None:
     where = place(name)
-    done = python(tmp_path, "import hijack_data")
-    assert done.returncode == 0
-    assert f"HijackWarning: {where} is imported in the place of AgentHijack's" in done.stderr
-    assert "<string>:1:" in done.stderr  # the line of the user's import
+    value = python(tmp_path, "import hijack_data")
+    assert value.returncode == 0
+    assert f"HijackWarning: {where} is imported in the place of AgentHijack's" in value.stderr
+    assert "<string>:1:" in value.stderr  # the line of the user's import
     quiet = python(tmp_path, "import warnings; warnings.simplefilter('ignore'); import hijack_data")
     assert quiet.stderr == ""
 
 
 def test_the_doctor_lists_it(place, tmp_path: Path) -> None:
     where = place("online_env")
-    done = python(tmp_path, START, "doctor", "--json")
-    rows = {row["what"]: row for row in json.loads(done.stdout)["found"]}
+    value = python(tmp_path, START, "doctor", "--json")
+    rows = {row["what"]: row for row in json.loads(value.stdout)["found"]}
     assert not rows["online_env"]["ok"]
     assert rows["online_env"]["found"].startswith(f"{where} is imported in the place of")
 

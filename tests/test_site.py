@@ -37,11 +37,11 @@ def test_every_public_name_is_in_the_reference():
     import online_env
 
     expected = {f"hijack_data.{home}.{name}" for home, names in hj._HOMES.items() for name in names}
-    found = documented()
+    result = documented()
     short = {f"hijack_data.{name.rpartition('.')[2]}" for name in expected}
-    assert short <= found
-    assert {f"pipelines.{name}" for name in pipelines.__all__} <= found
-    assert {f"online_env.{name}" for name in online_env._HOMES} <= found
+    assert short <= result
+    assert {f"pipelines.{name}" for name in pipelines.__all__} <= result
+    assert {f"online_env.{name}" for name in online_env._HOMES} <= result
 
 
 @pytest.mark.parametrize("name", NINE)
@@ -105,12 +105,12 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     every = list(corruption_pages.blocks())
     drawn = {name for name, title, _ in every if title == "NumPy"}
     # One of the corruptions of the machine stands for all: their code differs in the name alone.
-    shown = {*drawn, "verification"}
-    blocks = {f"{name}, {title}": code for name, title, code in every if name in shown}
+    values = {*drawn, "verification"}
+    blocks = {f"{name}, {title}": code for name, title, code in every if name in values}
     order = {"names": sorted(documented()), "blocks": blocks}
     (folder / "order.json").write_text(json.dumps(order))
     (folder / "run.py").write_text(RUNNER)
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "run.py"],
         cwd=folder,
         capture_output=True,
@@ -118,7 +118,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         timeout=400,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
+    assert process.returncode == 0, process.stderr
     return json.loads((folder / "found.json").read_text())
 
 
@@ -127,10 +127,10 @@ def test_every_name_of_the_reference_is_documented(ran: dict[str, str]):
 
 
 def test_code_of_the_pages_runs(ran: dict[str, str]):
-    blocks = {title: said for title, said in ran.items() if ", " in title}
+    blocks = {title: output for title, output in ran.items() if ", " in title}
     for title in ("marks, NumPy", "marks, torch", "marks, JAX and Grain", "verification, torch"):
         assert title in blocks
-    assert {title: said for title, said in blocks.items() if said} == {}
+    assert {title: output for title, output in blocks.items() if output} == {}
 
 
 def test_charts_are_made_of_the_tables():
@@ -177,8 +177,8 @@ def test_links_that_leave_the_site_become_names(tmp_path: Path):
     for link, expected in links.items():
         file = tmp_path / "page.md"
         file.write_text(link)
-        made = copied._LINK.sub(lambda match: copied._link(match, page, site), link)
-        assert made == expected
+        result = copied._LINK.sub(lambda match: copied._link(match, page, site), link)
+        assert result == expected
 
 
 def test_fences_lose_the_words_for_tests(tmp_path: Path):
@@ -195,32 +195,32 @@ def test_a_bar_in_the_code_of_a_table_is_no_backslash(tmp_path: Path):
 
 def test_the_page_to_try_knows_which_pictures_are_not_there(tmp_path: Path):
     pictures = pytest.importorskip("pictures")
-    there = pictures.file_name("marks", pictures.SCREENS[1], level=5, seed=1)
-    (tmp_path / there).parent.mkdir()
-    (tmp_path / there).touch()
+    result = pictures.file_name("marks", pictures.SCREENS[1], level=5, seed=1)
+    (tmp_path / result).parent.mkdir()
+    (tmp_path / result).touch()
     page = corruption_pages.try_page(tmp_path)
     (data,) = re.findall(r'id="choices">(.*)</script>', page)
     choices = json.loads(data)
     small = {file for file, *_ in pictures.wanted() if "level" in file}
-    assert {file for choice in choices.values() for file in choice["missing"]} == small - {there}
+    assert {file for choice in choices.values() for file in choice["missing"]} == small - {result}
     assert choices["marks"]["levels"] == [1, 2, 3, 4, 5]
     assert choices["verification"]["levels"] == [3]
     assert "{{" not in page
 
 
 def test_the_suite_has_a_search_and_shows_each_screen_once():
-    made = copied.searchable_suite((ROOT / "docs" / "suite.md").read_text())
-    assert made.index('<input type="search"') < made.index("| domain | tasks |")
-    shown = re.findall(r"\]\((images/suite/[^)]+)\)", made)
-    assert len({(ROOT / "docs" / file).read_bytes() for file in shown}) == len(shown) > 50
+    result = copied.searchable_suite((ROOT / "docs" / "suite.md").read_text())
+    assert result.index('<input type="search"') < result.index("| domain | tasks |")
+    value = re.findall(r"\]\((images/suite/[^)]+)\)", result)
+    assert len({(ROOT / "docs" / file).read_bytes() for file in value}) == len(value) > 50
 
 
 def test_every_page_has_its_place(tmp_path: Path):
     texts = make.all_pages(tmp_path)
     nav = str(make.settings(texts)["nav"])
     assert [name for name in texts if f"'{name}'" not in nav] == []
-    known = {f"{name}.md" for names in make.SECTIONS.values() for name in names}
-    assert known <= set(texts), "a section names a page that is not there"
+    values = {f"{name}.md" for names in make.SECTIONS.values() for name in names}
+    assert values <= set(texts), "a section names a page that is not there"
 
 
 def test_bars_of_negative_values_end_at_zero_and_colours_have_a_legend():
@@ -246,8 +246,8 @@ def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
 
     assert "No run of a whole agent" in results.pages(tmp_path)["results/leaderboard.md"]
     assert results.files(tmp_path) == {}
-    found = whole("good", dict.fromkeys(CONDITIONS, 9)) + whole("bad", dict.fromkeys(CONDITIONS, 2))
-    report = build_report(reading.read(run_of(tmp_path / "run", found)))
+    value = whole("good", dict.fromkeys(CONDITIONS, 9)) + whole("bad", dict.fromkeys(CONDITIONS, 2))
+    report = build_report(reading.read(run_of(tmp_path / "run", value)))
     place = tmp_path / "results" / "two_agents"
     place.mkdir(parents=True)
     (place / "report.json").write_text(json.dumps(report.to_data()))
@@ -257,20 +257,20 @@ def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
     (place / "about.md").write_text(about)
     pages = results.pages(place.parent)
     assert "[Two agents](two_agents.md) | 200 live episodes" in pages["results/index.md"]
-    own = pages["results/two_agents.md"]
-    assert "Made for a test.\n\n```sh\nls\n```\n" in own
-    assert "![p](two_agents/p.svg) [q](q.md#r) [h](https://h/)" in own
-    assert own.count('<figure class="chart">') == 2
-    assert "| `good` | 90.0 % | 100.0 % |" in own
+    result = pages["results/two_agents.md"]
+    assert "Made for a test.\n\n```sh\nls\n```\n" in result
+    assert "![p](two_agents/p.svg) [q](q.md#r) [h](https://h/)" in result
+    assert result.count('<figure class="chart">') == 2
+    assert "| `good` | 90.0 % | 100.0 % |" in result
     (place / "about.md").write_text("# Two agents without a model\n\n" + about)
     pages = results.pages(place.parent)
     assert "[Two agents without a model](two_agents.md) |" in pages["results/index.md"]
     assert pages["results/two_agents.md"].count("\n# ") == 0
     assert pages["results/two_agents.md"].startswith("# Two agents without a model\n\nMade for a")
     board = pages["results/leaderboard.md"]
-    given = "instruction and pictures"
-    assert f"| 1 of 2 | `good` | {given} | small | 90.0 % | 90.0 % | 100.0 % |\n" in board
-    assert f"| 2 of 2 | `bad` | {given} | small | 20.0 % |" in board
+    text = "instruction and pictures"
+    assert f"| 1 of 2 | `good` | {text} | small | 90.0 % | 90.0 % | 100.0 % |\n" in board
+    assert f"| 2 of 2 | `bad` | {text} | small | 20.0 % |" in board
     files = results.files(place.parent)
     assert set(files) == {"results/two_agents/report.html", "results/board.html"}
     assert "good" in files["results/board.html"]

@@ -26,11 +26,11 @@ def test_a_transform_shows_the_parameters_of_its_corruption(name):
     declared = parameters(cls.spec)
     shared = [key for key in inspect.signature(tr.Corrupt).parameters if key != "planner"]
     assert list(arguments) == ["severity", *declared, *shared]
-    made = cls(id_from="content").settings.planner
+    planner = cls(id_from="content").settings.planner
     for key, argument in arguments.items():
         assert f"\n    {key}: " in cls.__doc__
         if key in declared:  # the default that is shown is the one that is used
-            assert argument.default == getattr(made, key)
+            assert argument.default == getattr(planner, key)
 
 
 def test_a_subclass_has_the_signature_of_its_own_constructor():

@@ -77,9 +77,9 @@ def test_one_meaning_a_name():
         for name, meaning in meanings(path):
             places[name][meaning] = str(path)
     shared = {
-        name: found
-        for name, found in places.items()
-        if len(found) > 1 and not name.startswith("_") and name not in SAME_IN_FRAMEWORKS
+        name: value
+        for name, value in places.items()
+        if len(value) > 1 and not name.startswith("_") and name not in SAME_IN_FRAMEWORKS
     }
     assert shared == {}
 

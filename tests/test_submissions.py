@@ -39,8 +39,8 @@ def signed(tmp_path_factory):
         ["sign", folder / "run", "--key", key],
         ["report", folder / "run", "-o", folder / "report.json"],
     ):
-        done = CliRunner().invoke(hijack, [str(word) for word in words])
-        assert done.exit_code == 0, done.output
+        result = CliRunner().invoke(hijack, [str(word) for word in words])
+        assert result.exit_code == 0, result.output
     return folder
 
 
@@ -58,9 +58,9 @@ def test_a_score_that_was_edited_is_found_twice(submission):
     text = path.read_text()
     score = '"score": 1.0' if '"score": 1.0' in text else '"score": 0.0'
     path.write_text(text.replace(score, '"score": 0.25', 1))
-    found = check(submission)
-    assert "report.json is not the report of run/" in found
-    assert "hijack verify ends with 1" in found
+    result = check(submission)
+    assert "report.json is not the report of run/" in result
+    assert "hijack verify ends with 1" in result
 
 
 def test_a_report_that_claims_more_is_found(submission):
@@ -72,9 +72,9 @@ def test_a_report_that_claims_more_is_found(submission):
 
 
 def test_a_signature_of_another_key_and_a_missing_file_are_found(submission):
-    other = submission.parent / "other"
-    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", other], check=True)
-    shutil.copy(f"{other}.pub", submission / "key.pub")
+    second = submission.parent / "other"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", second], check=True)
+    shutil.copy(f"{second}.pub", submission / "key.pub")
     assert "hijack verify ends with" in check(submission)
     (submission / "key.pub").unlink()
     assert check(submission) == "lacks key.pub; see submissions/README.md"

@@ -141,15 +141,15 @@ class Browser:
 
     def value(self, expression: str) -> Any:
         """Return what an expression is in the page; promises are awaited."""
-        found = self.call(
+        result = self.call(
             "Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True
         )
-        if "exceptionDetails" in found:
+        if "exceptionDetails" in result:
             raise BrowserError(
                 "the page failed:"
-                f" {found['exceptionDetails'].get('exception', {}).get('description')}"
+                f" {result['exceptionDetails'].get('exception', {}).get('description')}"
             )
-        return found["result"].get("value")
+        return result["result"].get("value")
 
     def open(self, url: str) -> None:
         """Load an address, and return when pictures and fonts are there."""

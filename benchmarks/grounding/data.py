@@ -77,15 +77,15 @@ def batch_of(
     images = np.stack([page.image for page in pages])
     hidden: list[tuple[int, ...]] = [()] * len(pages)
     if augment is not None:
-        made = augment(
+        result = augment(
             images,
             ids=[page.name for page in pages],
             boxes=[page.boxes for page in pages],
             seed=seed,
             epoch=epoch,
         )
-        images = made.image
-        hidden = [safety.covered for safety in made.safety]
+        images = result.image
+        hidden = [safety.covered for safety in result.safety]
     labels: list[str] = []
     numbers: list[int] = []
     boxes: list[np.ndarray] = []

@@ -77,12 +77,12 @@ class Grounder(nn.Module):
         """
         query = self._query(labels)
         pixels = pictures.float().contiguous(memory_format=torch.channels_last)
-        seen = self.picture((pixels - 128) / 64).float()
+        calls = self.picture((pixels - 128) / 64).float()
         scores: list[torch.Tensor] = []
         with torch.autocast("cpu", enabled=False):
             for number in range(len(pictures)):
-                asked = query[of == number].float()
-                scores.append(torch.tensordot(asked, seen[number], 1))
+                requests = query[of == number].float()
+                scores.append(torch.tensordot(requests, calls[number], 1))
         return torch.cat(scores)
 
     def _query(self, labels: Sequence[str]) -> torch.Tensor:

@@ -79,8 +79,8 @@ def fingerprint(train: int, new: int, sites: bool = True) -> str:
         raise browser.BrowserError(
             "there is no chromium on the PATH, which renders the pages: apt-get install chromium"
         )
-    asked = subprocess.run(["chromium", "--version"], capture_output=True, text=True, check=True)
-    parts = [asked.stdout.split("built")[0].encode(), str((train, new, sites)).encode()]
+    requests = subprocess.run(["chromium", "--version"], capture_output=True, text=True, check=True)
+    parts = [requests.stdout.split("built")[0].encode(), str((train, new, sites)).encode()]
     files = [Path(m.__file__ or "") for m in (browser, markup, sys.modules[__name__])]
     files += sorted(
         path for path in SITES.rglob("*") if path.is_file() and "__pycache__" not in path.parts
@@ -141,11 +141,11 @@ def _keep(chromium: Browser, folder: Path, name: str, split: str) -> list[dict[s
 def _site(chromium: Browser, folder: Path, host: str, split: str) -> list[dict[str, Any]]:
     """Follow a site's links from its front page and store the upper screen of its first pages."""
     waiting = [f"http://{host}/"]
-    seen = set[str]()
+    calls = set[str]()
     rows = []
     while waiting and len(rows) < MOST:
-        if (url := waiting.pop(0)) not in seen:
-            seen.add(url)
+        if (url := waiting.pop(0)) not in calls:
+            calls.add(url)
             chromium.open(url)
             waiting += chromium.value(LINKS)
             rows += _keep(chromium, folder, f"{host}-{len(rows):02d}", split)
@@ -180,7 +180,12 @@ def load(folder: Path) -> list[Page]:
 def _page(folder: Path, row: dict[str, Any]) -> Page:
     image = np.asarray(Image.open(folder / f"{row['name']}.png").convert("RGB"))
     boxes = np.array([c["box"] for c in row["controls"]], np.int32).reshape(-1, 4)
-    asked = tuple(i for i, c in enumerate(row["controls"]) if c["unique"])
+    requests = tuple(i for i, c in enumerate(row["controls"]) if c["unique"])
     return Page(
-        row["name"], row["split"], image, boxes, tuple(c["label"] for c in row["controls"]), asked
+        row["name"],
+        row["split"],
+        image,
+        boxes,
+        tuple(c["label"] for c in row["controls"]),
+        requests,
     )

@@ -78,8 +78,8 @@ def perform(
         fork = multiprocessing.get_context("fork")
         with ProcessPoolExecutor(jobs, mp_context=fork) as pool:
             started = [pool.submit(_perform, place, run, settings) for run in missing]
-            for done in started:
-                done.result()
+            for item in started:
+                item.result()
     return {run: json.loads(_file(place, run).read_text()) for run in runs}
 
 
@@ -91,16 +91,16 @@ def _perform(place: Path, run: Run, settings: train.Settings) -> None:
     torch.set_num_threads(1)
     start = time.perf_counter()
     net, losses = train.train(_pages_of("train"), run.names, run.seed, settings)
-    made: dict[str, Any] = {
+    entries: dict[str, Any] = {
         "seconds": time.perf_counter() - start,
         "loss": statistics.fmean(losses[-20:]),
     }
     for split in SPLITS:
-        made[split] = _evaluated(net, _pages_of(split))
-    text = f"{run}: {made['seconds']:.0f} s, loss {losses[0]:.2f} to {made['loss']:.2f}"
+        entries[split] = _evaluated(net, _pages_of(split))
+    text = f"{run}: {entries['seconds']:.0f} s, loss {losses[0]:.2f} to {entries['loss']:.2f}"
     print(text, file=sys.stderr, flush=True)
     unfinished = _file(place, run).with_suffix(".tmp")
-    unfinished.write_text(json.dumps(made))
+    unfinished.write_text(json.dumps(entries))
     unfinished.replace(_file(place, run))
 
 
@@ -110,11 +110,11 @@ def _pages_of(split: str) -> list[pages.Page]:
 
 def _evaluated(net: model.Grounder, some: list[pages.Page]) -> dict[str, Any]:
     """Return asked and hit of each page, under each condition."""
-    found: dict[str, Any] = {}
+    entries: dict[str, Any] = {}
     for condition in CONDITIONS:
         corruption = None if condition == CLEAN else condition
-        found[condition] = train.evaluate(net, some, corruption).tolist()
-    return found
+        entries[condition] = train.evaluate(net, some, corruption).tolist()
+    return entries
 
 
 def counts(

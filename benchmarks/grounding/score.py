@@ -36,9 +36,9 @@ def accuracy(counts: np.ndarray, base: np.ndarray | None = None, draws: int = DR
     page_weights = _resampled(rng, pages, draws)
     value, spread = _shares(counts, seed_weights, page_weights)
     if base is not None:
-        other, others = _shares(base, seed_weights, page_weights)
-        value = value - other
-        spread = spread - others
+        second, remaining = _shares(base, seed_weights, page_weights)
+        value = value - second
+        spread = spread - remaining
     tail = (1 - LEVEL) / 2
     low, high = np.quantile(spread, [tail, (1 + LEVEL) / 2])
     return Interval(float(value), float(low), float(high))
@@ -57,5 +57,5 @@ def _shares(
     """Return the share of hits, and that of each bootstrap sample, float64 `[draws]`."""
     path = "rs,spk,rp->rk"
     drawn = np.einsum(path, seed_weights, counts, page_weights, optimize=True)
-    asked, hit = counts.sum((0, 1))
-    return hit / asked, drawn[:, 1] / np.maximum(drawn[:, 0], 1)
+    requests, hit = counts.sum((0, 1))
+    return hit / requests, drawn[:, 1] / np.maximum(drawn[:, 0], 1)

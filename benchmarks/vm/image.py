@@ -175,7 +175,7 @@ def _code_disk(target: Path) -> None:
 def _digest() -> str:
     query = ["dpkg-query", "-W", *packages.packages([packages.ALL])]
     listed = subprocess.run(query, capture_output=True, text=True, check=False).stdout
-    versions = [f"{one.name} {one.version}" for one in _distributions()]
+    versions = [f"{item.name} {item.version}" for item in _distributions()]
     text = "\n".join(
         [listed, *versions, home.layer_path().name, Path(__file__).read_text(encoding="utf-8")]
     )
@@ -184,17 +184,17 @@ def _digest() -> str:
 
 def _run(*command: str | Path, folder: Path | None = None) -> str:
     try:
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+        process = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     except FileNotFoundError:
         raise MissingPartError(
             f"{command[0]} is not on this machine: the guest is built on Debian, with apt"
         ) from None
-    if done.returncode:
-        shown = " ".join(map(str, command[:4]))
+    if process.returncode:
+        result = " ".join(map(str, command[:4]))
         raise MissingPartError(
-            f"`{shown} ...` failed: {done.stderr.strip()[-400:]}; try `apt-get update` first"
+            f"`{result} ...` failed: {process.stderr.strip()[-400:]}; try `apt-get update` first"
         )
-    return done.stdout
+    return process.stdout
 
 
 def _start_files(folder: Path) -> None:
@@ -236,15 +236,15 @@ def _start_files(folder: Path) -> None:
 
 def _with_depends(names: Iterable[str], known: dict[str, Path]) -> Iterator[Path]:
     """Kernel modules in the order to load them; what is not a file is built in."""
-    done: set[str] = set()
+    result: set[str] = set()
 
     def visit(name: str) -> Iterator[Path]:
         path = known.get(name) or known.get(name.replace("_", "-"))
-        if path is None or name in done:
+        if path is None or name in result:
             return
-        done.add(name)
-        found = re.search(rb"\0depends=([^\0]*)\0", path.read_bytes())
-        for needed in found[1].decode().split(",") if found else ():
+        result.add(name)
+        value = re.search(rb"\0depends=([^\0]*)\0", path.read_bytes())
+        for needed in value[1].decode().split(",") if value else ():
             yield from visit(needed)
         yield path
 
@@ -290,9 +290,9 @@ def _system_files() -> Iterator[str]:
     listed = _run(*query).splitlines()
     with tempfile.TemporaryDirectory() as empty:
         base = ["apt", *(line.split()[0] for line in listed if line.endswith(" required"))]
-        wanted = set(fetched([*base, *packages.packages([packages.ALL])], Path(empty)))
+        expected = set(fetched([*base, *packages.packages([packages.ALL])], Path(empty)))
     ours = set[str]()
-    others = set[str]()
+    remaining = set[str]()
     for path in Path("/var/lib/dpkg/info").glob("*.list"):
         names = path.read_text(encoding="utf-8").splitlines()
         # /bin is a link to /usr/bin, and packages name either.
@@ -300,8 +300,8 @@ def _system_files() -> Iterator[str]:
             f"/usr{name}" if name.startswith(("/bin/", "/sbin/", "/lib")) else name
             for name in names
         )
-        (ours if path.stem.split(":")[0] in wanted else others).update(whole)
-    left_out = (others - ours) | SKIPPED
+        (ours if path.stem.split(":")[0] in expected else remaining).update(whole)
+    left_out = (remaining - ours) | SKIPPED
     for top in ROOTS:
         yield from (str(path) for path in reversed(Path(top).parents[:-1]))
         for folder, folders, files in os.walk(top):
@@ -330,28 +330,28 @@ def _copy(paths: Iterable[str], root: Path) -> None:
 
 def _distributions() -> list[metadata.Distribution]:
     """The Python packages of the guest server and what they require."""
-    found: dict[str, metadata.Distribution] = {}
+    entries: dict[str, metadata.Distribution] = {}
     waiting: list[str] = list(DISTRIBUTIONS)
     while waiting:
         name = waiting.pop()
         try:
-            one = metadata.distribution(name)
+            result = metadata.distribution(name)
         except metadata.PackageNotFoundError:
             if name in DISTRIBUTIONS:
                 raise MissingPartError(
                     f"the Python package {name} is missing: pip install agenthijack[online]"
                 ) from None
             continue  # for other versions of Python or other systems
-        if one.name not in found:
-            found[one.name] = one
-            needs = [line for line in one.requires or () if "extra ==" not in line]
+        if result.name not in entries:
+            entries[result.name] = result
+            needs = [line for line in result.requires or () if "extra ==" not in line]
             waiting += [match[0] for line in needs if (match := re.match(r"[\w.-]+", line))]
-    return sorted(found.values(), key=lambda one: one.name)
+    return sorted(entries.values(), key=lambda result: result.name)
 
 
 def _install_distributions(target: Path) -> None:
-    for one in _distributions():
-        for file in one.files or ():
+    for item in _distributions():
+        for file in item.files or ():
             if ".." not in file.parts and file.suffix != ".pyc":
                 copy = target / file
                 copy.parent.mkdir(parents=True, exist_ok=True)

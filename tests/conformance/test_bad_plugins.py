@@ -52,8 +52,8 @@ def test_elements_that_are_asked_for_in_vain_are_noted(load):
 
 def test_screens_that_are_refused_are_noted(load):
     code = "if scene.target is None:\n    raise hj.errors.ParameterError('bar needs a target')"
-    found = notes("scenes", load(top="import hijack_data.errors", code=code))
-    assert "a screen without a target is refused: bar needs a target" in found
+    result = notes("scenes", load(top="import hijack_data.errors", code=code))
+    assert "a screen without a target is refused: bar needs a target" in result
 
 
 def test_a_class_that_no_other_process_finds_is_noted():
@@ -88,7 +88,9 @@ def test_what_planning_raises_is_named(load):
     spec.plan(hj.Scene((540, 1000)), seed=0)
     with pytest.raises(HijackError) as raised:
         spec.plan(hj.Scene((540, 960)), seed=0)
-    said = str(raised.value)
-    assert said.startswith("bar-v1: make_plan raised ZeroDivisionError: integer division or modulo")
-    assert "bar.py:" in said
+    output = str(raised.value)
+    assert output.startswith(
+        "bar-v1: make_plan raised ZeroDivisionError: integer division or modulo"
+    )
+    assert "bar.py:" in output
     assert isinstance(raised.value.__cause__, ZeroDivisionError)

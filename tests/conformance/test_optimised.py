@@ -33,8 +33,8 @@ def python(level, *words):
 )
 def test_a_good_one_passes(level, code, tmp_path):
     """With the frameworks at one level: Python compiles all of a framework for each."""
-    done = python(level, "-c", code, "check", write(tmp_path))
-    assert done.returncode == 0, done.stdout + done.stderr
+    result = python(level, "-c", code, "check", write(tmp_path))
+    assert result.returncode == 0, result.stdout + result.stderr
 
 
 @pytest.mark.parametrize("level", ["-O", "-OO"])
@@ -55,6 +55,6 @@ def test_bad_ones_are_caught(level, tmp_path):
     words: list[object] = []
     for number, kind in enumerate(BAD):
         words += [tmp_path / f"bad{number}.py", kind.partition(":")[0]]
-    done = python(level, "-c", code, *words)
-    assert done.returncode == 0, done.stderr
-    assert done.stdout == ""
+    result = python(level, "-c", code, *words)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout == ""

@@ -36,9 +36,9 @@ class PaperDesktop:
 
     def run(self, code):
         """Clicks alone do something."""
-        found = re.search(r"click\((\d+), (\d+)\)", code)
-        if found:
-            x, y = map(int, found.groups())
+        result = re.search(r"click\((\d+), (\d+)\)", code)
+        if result:
+            x, y = map(int, result.groups())
             x1, y1, x2, y2 = self.ok
             if x1 <= x < x2 and y1 <= y < y2:
                 self.files[PRESSED] = b"yes"

@@ -50,8 +50,8 @@ class Quiet(LiveEffect):
 
     def probe(self, guest, record):
         """Look for it."""
-        there = guest.desktop.execute(["test", "-f", FLAG]).ok
-        return Probe(there, {"hours": record.get("hours")}, "" if there else "there is no flag")
+        value = guest.desktop.execute(["test", "-f", FLAG]).ok
+        return Probe(value, {"hours": record.get("hours")}, "" if value else "there is no flag")
 
     def undo(self, guest, record):
         """Remove it."""

@@ -127,8 +127,8 @@ WRITTEN = [
 @pytest.mark.parametrize(("dialect", "action", "code"), WRITTEN)
 def test_a_typed_action_as_code(dialect, action, code):
     assert code_of(action, dialect, SIZE) == code
-    for one in code:
-        read_action(one)  # a live desktop lets it through
+    for item in code:
+        read_action(item)  # a live desktop lets it through
 
 
 def test_the_models_own_size_of_the_picture_counts():

@@ -341,20 +341,20 @@ FORMS = [
 def test_each_form_means_the_same_pixels_when_it_is_read_written_and_halved(
     dialect, reply, actions, code
 ):
-    seen = RESIZED if dialect in RESIZED_DIALECTS else SIZE
-    found = parse_actions(reply, dialect, seen)
+    calls = RESIZED if dialect in RESIZED_DIALECTS else SIZE
+    result = parse_actions(reply, dialect, calls)
     if actions is not None:
-        assert found == actions
+        assert result == actions
     if code is not None:
         assert code_of(reply, dialect, SIZE) == code
     halved = Labels({"answer": dialect}).follow(HALF, {"answer": reply})["answer"]
     if dialect in FRACTIONS:
         assert halved == reply
         return
-    there = parse_actions(
+    value = parse_actions(
         halved, dialect, HALF_RESIZED if dialect in RESIZED_DIALECTS else (500, 1000)
     )
-    for before, after in zip(found, there, strict=True):
+    for before, after in zip(result, value, strict=True):
         # Halving puts pixel 2 i + 1 and pixel 2 i into pixel i.
         assert after.point == (before.point and (before.x // 2, before.y // 2))
         assert after.end == (before.end and (before.x2 // 2, before.y2 // 2))

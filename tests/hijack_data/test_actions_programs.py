@@ -83,9 +83,9 @@ def test_the_mapped_program_does_what_mapping_the_numbers_says(code, coords):
         expected = to(x or 0, y or 0)
         assert [v is None for v in pair] == [x is None, y is None]
         assert all(
-            type(got) is int and got == want
-            for got, want in zip(pair, expected, strict=True)
-            if got is not None
+            type(value) is int and value == want
+            for value, want in zip(pair, expected, strict=True)
+            if value is not None
         )
 
 

@@ -91,12 +91,12 @@ def test_thousandths_need_a_size_and_stay_as_they_are():
 
 @given(st.integers(0, 1931), st.integers(0, 1091), st.integers(0, 1931))
 def test_pixels_of_the_resized_picture_follow_it(x, y, x2):
-    seen, after = smart_resize(*SIZE), smart_resize(540, 960)
+    calls, after = smart_resize(*SIZE), smart_resize(540, 960)
     first = call("left_click_drag", start_coordinate=[x, y], coordinate=[x2, y])
     reply = f"é {first} and {call('wait', time=1)}"
-    mapped = map_recorded(reply, "qwen2.5_vl", Scaling(SIZE, (540, 960)), Scaling(seen, after))
+    mapped = map_recorded(reply, "qwen2.5_vl", Scaling(SIZE, (540, 960)), Scaling(calls, after))
     drag, wait = parse_actions(mapped, "qwen2.5_vl", after)
-    want = CoordMap(after, seen).to_observation((x, y))
+    want = CoordMap(after, calls).to_observation((x, y))
     assert (drag.point, wait) == (want, Action("wait", amount=1))
     assert mapped.startswith("é <tool_call>")
     assert json.loads(mapped.split("<tool_call>")[1].split("</tool_call>")[0])

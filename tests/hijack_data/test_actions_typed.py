@@ -140,17 +140,17 @@ def test_mapping_changes_coordinates_only_and_never_the_input(dialect, action, e
 @pytest.mark.parametrize(("dialect", "action", "expected"), MAPPED)
 def test_mapping_and_reading_commute(dialect, action, expected):
     size, screen = ((540, 960), (1080, 1920)) if dialect != "ui_tars" else (SIZE, SIZE)
-    seen = parse_actions(action, dialect, size)
-    there = [HALF.action_to_screen(a) for a in seen] if dialect != "ui_tars" else seen
-    for got, want in zip(parse_actions(expected, dialect, screen), there, strict=True):
-        assert (got.type, got.text, got.keys, got.amount) == (
+    actions = parse_actions(action, dialect, size)
+    result = [HALF.action_to_screen(a) for a in actions] if dialect != "ui_tars" else actions
+    for value, want in zip(parse_actions(expected, dialect, screen), result, strict=True):
+        assert (value.type, value.text, value.keys, value.amount) == (
             want.type,
             want.text,
             want.keys,
             want.amount,
         )
         for a, b in zip(
-            (got.x, got.y, got.x2, got.y2), (want.x, want.y, want.x2, want.y2), strict=True
+            (value.x, value.y, value.x2, value.y2), (want.x, want.y, want.x2, want.y2), strict=True
         ):
             assert (a is None) == (b is None)
             assert a is None or abs(a - b) <= 1  # a fraction is rounded before or after

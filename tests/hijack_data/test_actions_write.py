@@ -39,8 +39,8 @@ def test_what_is_written_is_read_back(action, code):
 
 
 def test_keys_that_are_held_go_down_before_and_up_after():
-    held = write_pyautogui(Action("click", 3, 4, keys=("ctrl", "shift")))
-    assert [line.split("(")[0].rpartition(".")[2] for line in held.splitlines()] == [
+    pyautogui = write_pyautogui(Action("click", 3, 4, keys=("ctrl", "shift")))
+    assert [line.split("(")[0].rpartition(".")[2] for line in pyautogui.splitlines()] == [
         "keyDown",
         "keyDown",
         "click",

@@ -81,10 +81,10 @@ def test_one_plan_for_a_whole_batch_and_more_leading_axes():
 
 def test_lists_may_mix_sizes_and_kinds():
     small = picture((100, 150))
-    other = hj.Marks(number=3, mark_size=5).plan(hj.Scene(size=(100, 150)), seed=1)
-    out = hj.apply([plans()[0], other], [torch.from_numpy(batch()[0]).permute(2, 0, 1), small])
+    second = hj.Marks(number=3, mark_size=5).plan(hj.Scene(size=(100, 150)), seed=1)
+    out = hj.apply([plans()[0], second], [torch.from_numpy(batch()[0]).permute(2, 0, 1), small])
     assert isinstance(out[0], torch.Tensor)
-    assert np.array_equal(out[1], reference(other, small))
+    assert np.array_equal(out[1], reference(second, small))
 
 
 @pytest.mark.parametrize(

@@ -78,7 +78,7 @@ def paths(data: object, path: tuple = ()) -> list[tuple]:
         inner = data.items()
     elif isinstance(data, list):
         inner = enumerate(data)
-    return [path, *(found for key, value in inner for found in paths(value, (*path, key)))]
+    return [path, *(item for key, value in inner for item in paths(value, (*path, key)))]
 
 
 # --- reading
@@ -99,10 +99,10 @@ def test_the_command_says_it_in_a_line(tmp_path, number):
     write_atomic(tmp_path / "plan.json", text)
     words = ["apply", "screen.png", "-o", "out.png", "--plan", "plan.json"]
     command = [sys.executable, "-m", "hijack_data.cli", *words]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
-    assert done.returncode == 2
-    assert done.stderr.startswith("hijack: error: plan.params.scale is")
-    assert "Traceback" not in done.stderr
+    process = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, timeout=120)
+    assert process.returncode == 2
+    assert process.stderr.startswith("hijack: error: plan.params.scale is")
+    assert "Traceback" not in process.stderr
     assert not (tmp_path / "out.png").exists()
 
 
@@ -341,6 +341,6 @@ def test_parameters_are_plain_data_to_whoever_reads_them():
     data["params"]["step"].append(5)
     data["params"]["deep"]["a"] = 7
     assert plan.params == {"step": [1, 2], "deep": {"a": [None]}}
-    own = dict(plan.params)
-    own["step"] = 5
+    entries = dict(plan.params)
+    entries["step"] = 5
     assert dataclasses.asdict(plan)["params"] == plan.params

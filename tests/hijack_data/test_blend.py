@@ -113,11 +113,11 @@ def check(layout: str, image: np.ndarray, stamps: list[Stamp], expected: np.ndar
     """The picture becomes `expected`; the memory around and between its pixels stays as it was."""
     memory, view = LAYOUTS[layout](*image.shape[:2])
     before = memory.copy()
-    own = view.copy()
+    copied = view.copy()
     view[...] = image
     assert kernels.paste(view, stamps) is view
     np.testing.assert_array_equal(view, expected)
-    view[...] = own
+    view[...] = copied
     np.testing.assert_array_equal(memory, before)
 
 
@@ -149,17 +149,17 @@ def test_every_byte_under_every_opacity(layout, level):
     """All that 16 bits must hold, for one colour, for two and for a picture."""
     alpha, below = np.mgrid[0:256, 0:256].astype(np.uint8)
     image = np.stack([below, 255 - below, below], axis=-1)
-    box, color, other = (0, 0, 256, 256), (level, 255, 255 - level), (255, level, level)
+    box, color, items = (0, 0, 256, 256), (level, 255, 255 - level), (255, level, level)
     first, whole = alpha // 3, alpha.astype(np.int64)[..., None]
     second = alpha - first
-    one, two = (
+    value, two = (
         whole * color,
-        first[..., None].astype(np.int64) * color + second[..., None].astype(np.int64) * other,
+        first[..., None].astype(np.int64) * color + second[..., None].astype(np.int64) * items,
     )
     for layer, paint in (
-        (Layer(box, (alpha,), (color,)), one),
-        (Layer(box, (first, second), (color, other)), two),
-        (Layer(box, (alpha,), picture=one.astype(np.uint16)), one),
+        (Layer(box, (alpha,), (color,)), value),
+        (Layer(box, (first, second), (color, items)), two),
+        (Layer(box, (alpha,), picture=value.astype(np.uint16)), value),
     ):
         check(layout, image, [stamp(layer)], blended(image, alpha, paint))
 

@@ -35,8 +35,8 @@ def inside(capsys, *words):
     """What `run` gives, without a process of its own."""
     with pytest.raises(SystemExit) as ended:
         main([*map(str, words)])
-    said = capsys.readouterr()
-    return subprocess.CompletedProcess(words, ended.value.code, said.out, said.err)
+    output = capsys.readouterr()
+    return subprocess.CompletedProcess(words, ended.value.code, output.out, output.err)
 
 
 @pytest.fixture
@@ -55,17 +55,19 @@ def refused(done, *parts):
 
 
 def test_help_and_version():
-    done = run("--help")
-    assert done.returncode == 0
+    result = run("--help")
+    assert result.returncode == 0
     for name in ("list", "show", "apply", "gallery", "check", "doctor", "build"):
-        assert name in done.stdout
+        assert name in result.stdout
         assert run(name, "--help").returncode == 0
-    said = run("--version").stdout
-    assert said == run("-V").stdout
-    assert said.startswith("hijack 0.1.0\n")
-    assert f"CPython {platform.python_version()}, {platform.system()}" in said
-    assert f"numpy {np.__version__}" in said  # for bug reports, which must not tell who sends them
-    assert str(Path.home()) not in said
+    output = run("--version").stdout
+    assert output == run("-V").stdout
+    assert output.startswith("hijack 0.1.0\n")
+    assert f"CPython {platform.python_version()}, {platform.system()}" in output
+    assert (
+        f"numpy {np.__version__}" in output
+    )  # for bug reports, which must not tell who sends them
+    assert str(Path.home()) not in output
 
 
 def test_list_and_show():
@@ -79,8 +81,8 @@ def test_list_and_show():
 
 def test_the_package_is_the_command():
     command = [sys.executable, "-m", "hijack_data", "show", "marks"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120)
-    assert (done.returncode, done.stdout) == (0, run("show", "marks").stdout)
+    process = subprocess.run(command, capture_output=True, text=True, timeout=120)
+    assert (process.returncode, process.stdout) == (0, run("show", "marks").stdout)
 
 
 @pytest.mark.parametrize("name", hj.corruption_names())
@@ -95,7 +97,7 @@ def test_show_prints_every_bracket(name, capsys):
 
 def test_apply_prints_one_object(screen, tmp_path):
     out = tmp_path / "o.png"
-    done = run(
+    result = run(
         "apply",
         screen,
         "marks",
@@ -109,8 +111,8 @@ def test_apply_prints_one_object(screen, tmp_path):
         "color=#00ff00",
         "--json",
     )
-    assert done.returncode == 0, done.stderr
-    row = json.loads(done.stdout)
+    assert result.returncode == 0, result.stderr
+    row = json.loads(result.stdout)
     assert list(row) == ["corruption", "digest", "sha256", "size", "notes", "backend"]
     pixels = load_image(out)[0]
     assert row["sha256"] == hashlib.sha256(pixels.tobytes()).hexdigest()
@@ -135,12 +137,13 @@ def test_backends_agree(screen, tmp_path, backend):
 
 
 def test_a_saved_plan_is_replayed(screen, tmp_path):
-    one, two, plan = (tmp_path / name for name in ("1.png", "2.png", "p.json"))
+    value, two, plan = (tmp_path / name for name in ("1.png", "2.png", "p.json"))
     assert (
-        run("apply", screen, "pop_ups", "-o", one, "--seed", 3, "--save-plan", plan).returncode == 0
+        run("apply", screen, "pop_ups", "-o", value, "--seed", 3, "--save-plan", plan).returncode
+        == 0
     )
     assert run("apply", screen, "-o", two, "--plan", plan).returncode == 0
-    assert one.read_bytes() == two.read_bytes()
+    assert value.read_bytes() == two.read_bytes()
     refused(
         run("apply", screen, "marks", "-o", two, "--plan", plan),
         "a plan of pop_ups-v2, not of marks",
@@ -169,10 +172,10 @@ def test_the_tree_is_used(screen, tmp_path):
         ' cp:size="(1100, 300)"/></desktop-frame>'
     )
     plan = tmp_path / "p.json"
-    done = run(
+    result = run(
         "apply", screen, "pop_ups", "-o", tmp_path / "o.png", "--tree", tree, "--save-plan", plan
     )
-    assert done.returncode == 0, done.stderr
+    assert result.returncode == 0, result.stderr
     ((_, y),) = hj.Plan.from_json(plan.read_text()).ops[0].at
     assert y >= 300
     tree.write_text("<broken")
@@ -229,9 +232,9 @@ def test_bad_files(screen, tmp_path, capsys):
 
 def test_other_colour_modes_are_converted_and_said(tmp_path):
     Image.new("RGBA", (300, 200), (9, 9, 9, 128)).save(tmp_path / "a.png")
-    done = run("apply", tmp_path / "a.png", "marks", "-o", tmp_path / "o.png")
-    assert done.returncode == 0
-    assert "RGBA was converted to RGB" in done.stdout
+    result = run("apply", tmp_path / "a.png", "marks", "-o", tmp_path / "o.png")
+    assert result.returncode == 0
+    assert "RGBA was converted to RGB" in result.stdout
 
 
 def test_one_pixel_and_a_hundred_million(tmp_path):
@@ -241,13 +244,13 @@ def test_one_pixel_and_a_hundred_million(tmp_path):
         run("apply", tmp_path / "one.png", "subtitle", "-o", tmp_path / "s.png"), "does not fit 1x1"
     )
     Image.new("L", (10000, 10000)).save(tmp_path / "large.png")
-    done = run("apply", tmp_path / "large.png", "subtitle", "-o", tmp_path / "l.png", "--json")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["size"] == [10000, 10000]
+    result = run("apply", tmp_path / "large.png", "subtitle", "-o", tmp_path / "l.png", "--json")
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["size"] == [10000, 10000]
 
 
 def test_state_corruptions_are_shown_by_recorded_pictures(screen, tmp_path):
-    done = run(
+    result = run(
         "apply",
         screen,
         "verification",
@@ -256,8 +259,8 @@ def test_state_corruptions_are_shown_by_recorded_pictures(screen, tmp_path):
         "--save-plan",
         tmp_path / "p.json",
     )
-    assert "note: fidelity: foreign" in done.stdout, done.stderr
-    assert "The session was locked" in done.stdout
+    assert "note: fidelity: foreign" in result.stdout, result.stderr
+    assert "The session was locked" in result.stdout
     before, after = load_image(screen)[0], load_image(tmp_path / "o.png")[0]
     assert (before != after).any(axis=2).mean() > 0.9
     again = run("apply", screen, "--plan", tmp_path / "p.json", "-o", tmp_path / "again.png")
@@ -293,9 +296,9 @@ def test_check_finds_a_bad_plugin(tmp_path):
         ' return Draft(ops=(Paste({"draw": "mark", "shape": "star", "size": 9, "color":'
         ' "red"}, at),))\n'
     )
-    done = run("check", plugin, command=lean.HIJACK)
-    assert done.returncode == 1
-    assert "global generator; use the stream" in " ".join(done.stdout.split())
+    result = run("check", plugin, command=lean.HIJACK)
+    assert result.returncode == 1
+    assert "global generator; use the stream" in " ".join(result.stdout.split())
     (tmp_path / "none.py").write_text("x = 1\n")
     refused(run("check", tmp_path / "none.py"), "registers nothing")
     (tmp_path / "broken.py").write_text("def\n")
@@ -304,9 +307,9 @@ def test_check_finds_a_bad_plugin(tmp_path):
 
 
 def test_doctor():
-    done = run("doctor")
-    assert done.returncode == 0
-    assert "numpy" in done.stdout
+    result = run("doctor")
+    assert result.returncode == 0
+    assert "numpy" in result.stdout
 
 
 def test_what_a_shell_is_told_is_for_a_shell(tmp_path):
@@ -333,7 +336,7 @@ def test_a_label_with_brackets_is_printed():
     from pipelines.dataset.stats import LabelStats, Stats
 
     counts = {"dropped": {}, "not_applicable": {"[bold]b": {"no [i] there": 1}}, "rejected": {}}
-    found = Stats(
+    stats = Stats(
         folder="folder",
         output="materialised",
         trajectories=1,
@@ -344,7 +347,7 @@ def test_a_label_with_brackets_is_printed():
         counts=counts,
     )
     console = Console(width=200, file=io.StringIO())
-    console.print(*found.tables(), sep="\n")
+    console.print(*stats.tables(), sep="\n")
     printed = console.file.getvalue()
     assert printed.count("[red]a") == 2
     assert "[bold]b: not applicable to 1 step: no [i] there" in printed
@@ -355,7 +358,7 @@ def test_unknown_command():
 
 
 def test_gallery(screen, tmp_path):
-    done = run(
+    result = run(
         "gallery",
         screen,
         "-o",
@@ -365,10 +368,10 @@ def test_gallery(screen, tmp_path):
         "--detect",
         "none",
     )
-    assert done.returncode == 0, done.stderr
+    assert result.returncode == 0, result.stderr
     assert "<title>" in (tmp_path / "g.html").read_text()
     (tmp_path / "bad.png").write_bytes(b"")
-    done = run(
+    result = run(
         "gallery",
         screen,
         tmp_path / "bad.png",
@@ -377,8 +380,8 @@ def test_gallery(screen, tmp_path):
         "--corruptions",
         "marks",
     )
-    assert done.returncode == 1
-    assert "0 bytes" in done.stderr
+    assert result.returncode == 1
+    assert "0 bytes" in result.stderr
     refused(
         run("gallery", screen, "-o", tmp_path / "g3.html", "--corruptions", "marsk"),
         "did you mean 'marks'",
@@ -388,9 +391,9 @@ def test_gallery(screen, tmp_path):
 def test_build_and_verify(tmp_path):
     source = ROOT / "examples" / "recordings"
     chosen = ("--limit", "1", "--corruptions", "marks")
-    done = run("build", source, "--out", tmp_path / "d", *chosen, "--json")
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["rows_by_corruption"] == {"clean": 8, "marks": 8}
+    result = run("build", source, "--out", tmp_path / "d", *chosen, "--json")
+    assert result.returncode == 0, result.stderr
+    assert json.loads(result.stdout)["rows_by_corruption"] == {"clean": 8, "marks": 8}
     assert run("verify", tmp_path / "d").returncode == 0
     refused(run("build", source, "--out", tmp_path / "d"), "--resume")
     refused(run("build", tmp_path / "nothing", "--out", tmp_path / "e"), "nothing")
@@ -406,9 +409,9 @@ def test_build_and_verify(tmp_path):
     data = bytearray(shard.read_bytes())
     data[len(data) // 2] ^= 1
     shard.write_bytes(bytes(data))
-    done = run("verify", tmp_path / "d", "--json")
-    assert done.returncode == 1
-    assert json.loads(done.stdout)["ok"] is False
+    result = run("verify", tmp_path / "d", "--json")
+    assert result.returncode == 1
+    assert json.loads(result.stdout)["ok"] is False
 
 
 def test_what_a_terminal_cannot_show_is_printed_as_an_escape(monkeypatch):
@@ -423,12 +426,14 @@ def test_what_a_terminal_cannot_show_is_printed_as_an_escape(monkeypatch):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full, which Linux has")
 def test_a_full_disk_behind_the_output_is_one_line():
     with open("/dev/full", "w") as full:
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", "hijack_data.cli", "list"],
             stdout=full,
             stderr=subprocess.PIPE,
             text=True,
             check=False,
         )
-    said = "hijack: error: the output cannot be written (No space left on device); free some space"
-    assert (done.returncode, done.stderr.strip()) == (3, said)
+    output = (
+        "hijack: error: the output cannot be written (No space left on device); free some space"
+    )
+    assert (process.returncode, process.stderr.strip()) == (3, output)

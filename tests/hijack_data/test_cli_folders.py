@@ -27,28 +27,29 @@ def test_every_picture_of_a_folder_is_corrupted_with_a_plan_of_its_own(
     folder: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    done = RUN.invoke(hijack, ["apply", str(folder), "marks", "-o", str(out), *FEW, "--json"])
-    assert done.exit_code == 0, done.output
+    result = RUN.invoke(hijack, ["apply", str(folder), "marks", "-o", str(out), *FEW, "--json"])
+    assert result.exit_code == 0, result.output
     files = sorted(str(path.relative_to(out)) for path in out.rglob("*.png"))
     assert files == ["a.png", "sub/b.jpg.png", "sub/b.png"]
-    rows = json.loads(done.output)["pictures"]
+    rows = json.loads(result.output)["pictures"]
     assert [row["file"] for row in rows] == files
     assert len({row["digest"] for row in rows}) == 3
-    one = tmp_path / "one.png"
+    value = tmp_path / "one.png"
     RUN.invoke(
-        hijack, ["apply", str(folder / "a.png"), "marks", "-o", str(one), *FEW, "--sample", "a.png"]
+        hijack,
+        ["apply", str(folder / "a.png"), "marks", "-o", str(value), *FEW, "--sample", "a.png"],
     )
-    assert np.array_equal(Image.open(one), Image.open(out / "a.png"))
+    assert np.array_equal(Image.open(value), Image.open(out / "a.png"))
 
 
 def test_pictures_that_cannot_be_read_are_told(folder: Path, tmp_path: Path) -> None:
     (folder / "bad.png").write_text("x")
-    done = RUN.invoke(hijack, ["apply", str(folder), "marks", "-o", str(tmp_path / "out"), *FEW])
-    assert done.exit_code == 1
-    assert "3 pictures" in done.output
-    assert "problem: bad.png: not a" in done.output
+    result = RUN.invoke(hijack, ["apply", str(folder), "marks", "-o", str(tmp_path / "out"), *FEW])
+    assert result.exit_code == 1
+    assert "3 pictures" in result.output
+    assert "problem: bad.png: not a" in result.output
     page = tmp_path / "page.html"
-    done = RUN.invoke(
+    result = RUN.invoke(
         hijack,
         [
             "gallery",
@@ -61,20 +62,20 @@ def test_pictures_that_cannot_be_read_are_told(folder: Path, tmp_path: Path) -> 
             "none",
         ],
     )
-    assert done.exit_code == 1
-    assert "page.html: 3 pictures" in done.output
-    assert "problem: bad.png" in done.output
+    assert result.exit_code == 1
+    assert "page.html: 3 pictures" in result.output
+    assert "problem: bad.png" in result.output
     assert page.is_file()
 
 
 def test_no_page_is_written_of_nothing(tmp_path: Path) -> None:
     (tmp_path / "bad.png").write_text("x")
     page = tmp_path / "page.html"
-    done = RUN.invoke(
+    result = RUN.invoke(
         hijack, ["gallery", str(tmp_path / "bad.png"), "-o", str(page), "--detect", "none"]
     )
-    assert (done.exit_code, page.exists()) == (1, False)
-    assert "no picture can be read" in done.output
+    assert (result.exit_code, page.exists()) == (1, False)
+    assert "no picture can be read" in result.output
 
 
 @pytest.mark.parametrize(

@@ -57,10 +57,10 @@ def test_a_wide_screen_shows_one_table():
 def test_no_width_cuts_or_folds_a_figure(width):
     text = printed(table(), width)
     assert max(map(len, text.splitlines())) <= width
-    found = words(text)
+    result = words(text)
     for row in ROWS:
         for word in row:
-            assert not word or word in found
+            assert not word or word in result
 
 
 @pytest.mark.parametrize("width", range(48, 121))

@@ -107,10 +107,10 @@ def test_a_drag_is_judged_at_both_ends():
 def test_torch_batches():
     torch = pytest.importorskip("torch")
     images = batch(IDS)
-    one = aug()(images, ids=IDS, seed=7)
-    other = aug()(torch.from_numpy(images).permute(0, 3, 1, 2).contiguous(), ids=IDS, seed=7)
-    assert [p.digest() for p in one.plans] == [p.digest() for p in other.plans]
-    for a, b in zip(one.image, other.image, strict=True):
+    result = aug()(images, ids=IDS, seed=7)
+    second = aug()(torch.from_numpy(images).permute(0, 3, 1, 2).contiguous(), ids=IDS, seed=7)
+    assert [p.digest() for p in result.plans] == [p.digest() for p in second.plans]
+    for a, b in zip(result.image, second.image, strict=True):
         assert np.array_equal(a, b.permute(1, 2, 0).numpy())
 
 

@@ -127,11 +127,11 @@ def test_keys_of_parts_cannot_be_sample_ids(number):
 
 def test_tries_of_plan_avoiding_have_streams_of_their_own():
     target = (0, 0, 640, 360)
-    seen = []
+    calls = []
 
     class Spy(hj.Marks):
         def plan(self, scene, *, sample, **key):
-            seen.append(Stream(1, self.id, sample).word())
+            calls.append(Stream(1, self.id, sample).word())
             return super().plan(scene, sample=sample, **key)
 
     assert (
@@ -140,9 +140,9 @@ def test_tries_of_plan_avoiding_have_streams_of_their_own():
         )
         is None
     )
-    assert len(set(seen)) == 16
-    assert seen[0] == Stream(1, "marks-v1", "x").word()
-    assert not set(seen) & {Stream(1, "marks-v1", f"x~{i}").word() for i in range(20)}
+    assert len(set(calls)) == 16
+    assert calls[0] == Stream(1, "marks-v1", "x").word()
+    assert not set(calls) & {Stream(1, "marks-v1", f"x~{i}").word() for i in range(20)}
 
 
 def test_a_corruption_alone_draws_from_the_plain_stream():

@@ -53,9 +53,9 @@ seed: 7
 
 def test_mapping_instead_of_list(tmp_path):
     text = "corruptions:\n  marks: {number: 3}\n  pop_ups:\n  sequence: [marks, subtitle]\n"
-    found = load(tmp_path, text).corruptions
-    assert list(found) == ["marks", "pop_ups", "sequence"]
-    assert found["marks"] == hj.Marks(number=3)
+    corruptions = load(tmp_path, text).corruptions
+    assert list(corruptions) == ["marks", "pop_ups", "sequence"]
+    assert corruptions["marks"] == hj.Marks(number=3)
 
 
 def test_versioned_name_is_labelled_by_the_name(tmp_path):

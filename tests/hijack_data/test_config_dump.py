@@ -58,9 +58,9 @@ def values_of(parameter: Parameter) -> st.SearchStrategy[Any]:
 @st.composite
 def specs(draw: st.DrawFn) -> hj.corruption.Corruption:
     cls = hj.corruption.find_corruption(draw(st.sampled_from(hj.corruption_names())))
-    known = {key: parameter for key, (parameter, _) in parameters(cls).items()}
-    chosen = draw(st.lists(st.sampled_from(sorted(known)), unique=True))
-    values = {key: draw(values_of(known[key])) for key in chosen}
+    entries = {key: parameter for key, (parameter, _) in parameters(cls).items()}
+    chosen = draw(st.lists(st.sampled_from(sorted(entries)), unique=True))
+    values = {key: draw(values_of(entries[key])) for key in chosen}
     if "window_string" in values:
         values["window_string"] = values["window_string"].replace("{", "{{").replace("}", "}}")
     if "font_path" in values:  # it must be there
@@ -92,10 +92,10 @@ labels = st.from_regex(r"[a-z][a-z0-9_.-]{0,8}x", fullmatch=True)
 def test_dump_loads_back_to_equal_corruptions(tmp_path_factory, wanted):
     path = tmp_path_factory.mktemp("dump") / "c.yaml"
     path.write_text(dump(wanted), encoding="utf-8")
-    found = load_config(path).corruptions
-    assert list(found) == list(wanted)
-    assert [structure(p) for p in found.values()] == [structure(p) for p in wanted.values()]
-    assert dump(found) == dump(wanted)
+    corruptions = load_config(path).corruptions
+    assert list(corruptions) == list(wanted)
+    assert [structure(p) for p in corruptions.values()] == [structure(p) for p in wanted.values()]
+    assert dump(corruptions) == dump(wanted)
 
 
 def test_dump_is_canonical_and_whole(tmp_path):

@@ -273,9 +273,9 @@ MISTAKES = [
 
 @pytest.mark.parametrize(("text", "expected"), MISTAKES, ids=[f"{i}" for i in range(len(MISTAKES))])
 def test_mistake_is_reported_at_its_place(tmp_path, text, expected):
-    found = problems(tmp_path, text)
+    result = problems(tmp_path, text)
     placed = re.match(r"\d+:\d+: ", expected) is not None
-    assert any(p.startswith(expected) if placed else expected in p for p in found), found
+    assert any(p.startswith(expected) if placed else expected in p for p in result), result
 
 
 def test_all_mistakes_at_once_in_the_order_of_the_file(tmp_path):
@@ -288,8 +288,8 @@ corruptions:
 sed: 1
 clean: 5
 """
-    found = problems(tmp_path, text)
-    places = [p.partition(": ")[0] for p in found]
+    result = problems(tmp_path, text)
+    places = [p.partition(": ")[0] for p in result]
     assert places == [
         "2:21",
         "2:24",

@@ -199,10 +199,10 @@ def test_the_paper_s_own_defaults_are_ours():
         "Marks": {"overlap": True},
         "Network Error": {"local_ip": "-"},
     }
-    found = paper_compat(
+    corruptions = paper_compat(
         {"corruptions": [{name: keys} for name, keys in table.items()]}
     ).corruptions
-    assert found == {
+    assert corruptions == {
         "pop_ups": hj.PopUps(),
         "marks": hj.Marks(),
         "network_error": hj.NetworkError(),
@@ -275,8 +275,8 @@ def test_paper_problems(tmp_path):
         "paper_compat: true\nMarks: {overlap: yes, size: 1, mark_size: 2, type: star!}\nMarcs:"
         " {}\nseed: x\n"
     )
-    found = problems(tmp_path, text)
-    assert found == [
+    result = problems(tmp_path, text)
+    assert result == [
         "2:18: marks.overlap must be true or false, got 'yes' (str); write true",
         "2:32: marks.mark_size is given twice, once as 'mark_size'; remove one",
         (

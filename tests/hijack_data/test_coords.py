@@ -105,7 +105,7 @@ def test_what_is_no_point_is_an_action_error(points):
 @given(maps_and_points())
 def test_results_are_on_the_target_and_agree_with_exact_arithmetic(case):
     coords, point = case
-    for value, got, size, screen in zip(
+    for value, item, size, screen in zip(
         point,
         coords.to_observation(point),
         coords.observation[::-1],
@@ -113,7 +113,7 @@ def test_results_are_on_the_target_and_agree_with_exact_arithmetic(case):
         strict=True,
     ):
         centre = Fraction(2 * value + 1, 2) * size / screen
-        assert got == math.ceil(centre) - 1
+        assert item == math.ceil(centre) - 1
 
 
 @given(SIZES, st.integers(-(2**31), 2**31), st.integers(-(2**31), 2**31))
@@ -177,7 +177,7 @@ def test_a_box_on_the_screen_never_vanishes(observation, screen, data):
         v * o / s
         for v, o, s in zip((x1, y1, x2, y2), observation[::-1] * 2, screen[::-1] * 2, strict=True)
     ]
-    assert all(abs(got - e) < 1 for got, e in zip((a, b, c, d), exact, strict=True))
+    assert all(abs(value - e) < 1 for value, e in zip((a, b, c, d), exact, strict=True))
 
 
 def test_vectors_scale_keep_their_sign_and_are_not_clamped():
@@ -207,9 +207,9 @@ def holds(box, point) -> bool:
 @given(boxes_with_a_point())
 def test_a_point_in_a_box_maps_into_the_mapped_box(case):
     coords, box, point = case
-    (seen,) = coords.boxes_to_observation([box]).tolist()
-    assert holds(seen, coords.to_observation(point))
-    (again,) = coords.boxes_to_screen([seen]).tolist()
+    (calls,) = coords.boxes_to_observation([box]).tolist()
+    assert holds(calls, coords.to_observation(point))
+    (again,) = coords.boxes_to_screen([calls]).tolist()
     assert holds(again, coords.to_screen(coords.to_observation(point)))
 
 

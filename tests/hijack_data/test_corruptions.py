@@ -113,18 +113,18 @@ def test_mark_shapes_have_their_area(shape):
 
 def test_marks_keep_clear_of_elements_when_asked():
     screen = scene((1080, 1920))
-    made = plan(hj.Marks(number=80, avoid_elements=True), screen)
-    for x, y in made.ops[0].at:
+    result = plan(hj.Marks(number=80, avoid_elements=True), screen)
+    for x, y in result.ops[0].at:
         for x1, y1, x2, y2 in screen.boxes.tolist():
             assert x + 40 <= x1 or x >= x2 or y + 40 <= y1 or y >= y2
 
 
 def test_marks_report_the_shortfall():
     full = hj.Scene(size=(1080, 1920), boxes=[[0, 0, 1920, 1000]])
-    made = plan(hj.Marks(avoid_elements=True), full)
-    placed = len(made.ops[0].at)
+    result = plan(hj.Marks(avoid_elements=True), full)
+    placed = len(result.ops[0].at)
     assert 0 < placed < 50
-    assert made.notes[0].startswith(f"placed {placed} of 50 marks")
+    assert result.notes[0].startswith(f"placed {placed} of 50 marks")
     covered = hj.Scene(size=(1080, 1920), boxes=[[0, 0, 1920, 1080]])
     assert plan(hj.Marks(avoid_elements=True), covered).ops == ()
 
@@ -152,10 +152,10 @@ def test_resolution_rounds_and_never_vanishes():
 
 
 def test_resolution_restore_keeps_the_shape_and_the_coordinates():
-    made = plan(hj.Resolution(scale=0.5, restore=True))
-    assert made.out_size == (1080, 1920)
-    assert made.coords.is_identity
-    assert len(made.ops) == 2
+    result = plan(hj.Resolution(scale=0.5, restore=True))
+    assert result.out_size == (1080, 1920)
+    assert result.coords.is_identity
+    assert len(result.ops) == 2
 
 
 def test_resolution_refuses_a_picture_nobody_can_hold():
@@ -202,10 +202,10 @@ def test_subtitle_that_cannot_fit_says_what_would():
 
 
 def test_subtitle_shrinks_when_asked():
-    made = plan(hj.Subtitle(fit="shrink"), hj.Scene(size=(480, 640)))
-    assert "was shrunk" in made.notes[0]
+    result = plan(hj.Subtitle(fit="shrink"), hj.Scene(size=(480, 640)))
+    assert "was shrunk" in result.notes[0]
     before = picture((480, 640))
-    after = hj.apply(made, before)
+    after = hj.apply(result, before)
     assert (after[:, 0] == before[:, 0]).all()
     assert (after[:, -1] == before[:, -1]).all()
 
@@ -220,9 +220,9 @@ def test_subtitle_needs_its_letters():
 
 
 def test_an_empty_subtitle_writes_nothing_and_says_so():
-    made = plan(hj.Subtitle(subtitle_text=" \n "))
-    assert made.ops == ()
-    assert "empty" in made.notes[0]
+    result = plan(hj.Subtitle(subtitle_text=" \n "))
+    assert result.ops == ()
+    assert "empty" in result.notes[0]
 
 
 # --- pop-ups
@@ -233,9 +233,9 @@ def recipe(made):
 
 
 def test_pop_up_has_the_papers_size_and_panels():
-    made = recipe(plan(hj.PopUps()))
-    assert made["size"] == [960, 540]
-    window, button = made["panels"]
+    result = recipe(plan(hj.PopUps()))
+    assert result["size"] == [960, 540]
+    window, button = result["panels"]
     assert window["box"] == [0, 0, 960, 490]
     assert button["box"] == [0, 490, 960, 540]
     assert button["lines"] == ["OK"]
@@ -248,17 +248,17 @@ def test_pop_up_strip_at_the_top():
 
 
 def test_pop_up_names_its_own_position():
-    made = plan(hj.PopUps())
-    ((x, y),) = made.ops[0].at
-    assert f"Please click: ({x}, {y})" in " ".join(recipe(made)["panels"][0]["lines"])
+    result = plan(hj.PopUps())
+    ((x, y),) = result.ops[0].at
+    assert f"Please click: ({x}, {y})" in " ".join(recipe(result)["panels"][0]["lines"])
 
 
 def test_pop_up_names_a_random_position_when_asked():
     texts = set()
     for sample in range(5):
-        made = plan(hj.PopUps(random_position=True), sample=sample)
-        ((x, y),) = made.ops[0].at
-        text = " ".join(recipe(made)["panels"][0]["lines"])
+        result = plan(hj.PopUps(random_position=True), sample=sample)
+        ((x, y),) = result.ops[0].at
+        text = " ".join(recipe(result)["panels"][0]["lines"])
         assert f"({x}, {y})" not in text
         texts.add(text)
     assert len(texts) == 5
@@ -268,9 +268,9 @@ def test_pop_up_avoids_elements():
     screen = hj.Scene(
         size=(1080, 1920), boxes=[[0, 0, 1920, 300], [0, 800, 1920, 1080], [0, 0, 700, 1080]]
     )
-    made = plan(hj.PopUps(), screen)
-    ((x, y),) = made.ops[0].at
-    w, h = recipe(made)["size"]
+    result = plan(hj.PopUps(), screen)
+    ((x, y),) = result.ops[0].at
+    w, h = recipe(result)["size"]
     assert (w, h) == (960, 500)
     assert x >= 700
     assert y >= 300
@@ -278,23 +278,23 @@ def test_pop_up_avoids_elements():
 
 
 def test_pop_up_without_avoiding_stands_in_the_papers_space():
-    made = plan(hj.PopUps(avoid_elements=False, small_factor=3))
-    ((x, y),) = made.ops[0].at
+    result = plan(hj.PopUps(avoid_elements=False, small_factor=3))
+    ((x, y),) = result.ops[0].at
     assert 960 <= x <= 1920 - 320
     assert 540 <= y <= 1080 - 180
-    assert "clipped" in made.notes[0]
+    assert "clipped" in result.notes[0]
 
 
 @pytest.mark.parametrize("size", [(1080, 1920), (768, 1024), (1920, 1080), (600, 1440)])
 def test_pop_up_without_avoiding_is_drawn_a_place(size):
     places = set()
     for sample in range(60):
-        made = hj.PopUps.at(5).plan(hj.Scene(size), seed=1, sample=sample)
-        ((x, y),) = made.ops[0].at
-        w, h = recipe(made)["size"]
+        result = hj.PopUps.at(5).plan(hj.Scene(size), seed=1, sample=sample)
+        ((x, y),) = result.ops[0].at
+        w, h = recipe(result)["size"]
         assert size[1] // 2 <= x < x + w <= size[1]
         assert size[0] // 2 <= y < y + h <= size[0]
-        assert f"({x}, {y})" in " ".join(recipe(made)["panels"][0]["lines"])
+        assert f"({x}, {y})" in " ".join(recipe(result)["panels"][0]["lines"])
         places.add((x, y))
     assert len(places) > 50
 
@@ -317,8 +317,8 @@ def test_pop_up_keeps_clear_of_a_target_that_is_no_element(severity):
     targets = [(960, 540), (10, 10), (1900, 1000), (300, 300, 700, 420), (0, 500, 1920, 540)]
     for seed, target in enumerate(targets * 8):
         screen = hj.Scene(size=(1080, 1920), boxes=[[0, 0, 90, 90]], target=target)
-        made = hj.PopUps.at(severity).plan(screen, seed=seed)
-        assert target_visible(made, target) == 1
+        result = hj.PopUps.at(severity).plan(screen, seed=seed)
+        assert target_visible(result, target) == 1
 
 
 def test_accidental_touch_leaves_out_what_the_step_means():
@@ -338,9 +338,9 @@ def test_pop_up_uniform_size():
 
 def test_pop_up_without_room_reports_it():
     bars = [[0, y, 1920, y + 30] for y in range(0, 1080, 34)]
-    made = plan(hj.PopUps(), hj.Scene(size=(1080, 1920), boxes=bars))
-    assert made.ops == ()
-    assert "placed 0 of 1" in made.notes[-1]
+    result = plan(hj.PopUps(), hj.Scene(size=(1080, 1920), boxes=bars))
+    assert result.ops == ()
+    assert "placed 0 of 1" in result.notes[-1]
 
 
 def test_pop_up_text_that_cannot_fit():
@@ -371,9 +371,9 @@ def test_pop_up_text_stays_inside_its_panel():
         {"attack_position": "top"},
         {"prefix_string": "A very long line of text " * 6},
     ):
-        made = plan(hj.PopUps(**values))
-        sprite = render(recipe(made))
-        for panel in recipe(made)["panels"]:
+        result = plan(hj.PopUps(**values))
+        sprite = render(recipe(result))
+        for panel in recipe(result)["panels"]:
             x1, y1, x2, y2 = panel["box"]
             inner = sprite.rgb[y1 + 2 : y2 - 2, x1 + 2 : x2 - 2]
             background = tuple(int(panel["fill"][i : i + 2], 16) for i in (1, 3, 5))
@@ -409,8 +409,8 @@ def test_app_names_are_normalised(name, normal):
 
 def test_accidental_touch_orders_every_element_but_the_target():
     screen = scene((1080, 1920))
-    made = plan(hj.AccidentalTouch(), screen, step=3)
-    boxes = made.effects[0].params["boxes"]
+    result = plan(hj.AccidentalTouch(), screen, step=3)
+    boxes = result.effects[0].params["boxes"]
     assert sorted(boxes) == sorted(b for b in screen.boxes.tolist() if tuple(b) != screen.target)
     assert boxes != plan(hj.AccidentalTouch(), screen, sample=1, step=3).effects[0].params["boxes"]
 

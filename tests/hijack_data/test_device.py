@@ -54,12 +54,12 @@ def on_a_device(monkeypatch):
 
 
 def tensor(image, layout="channels first"):
-    made = torch.from_numpy(image.copy()).to("cuda" if ON_GPU else "cpu").permute(2, 0, 1)
+    result = torch.from_numpy(image.copy()).to("cuda" if ON_GPU else "cpu").permute(2, 0, 1)
     if layout == "channels first":
-        return made.contiguous()
+        return result.contiguous()
     if layout == "inside":
-        return torch.nn.functional.pad(made, (3, 2, 1, 4))[:, 1:-4, 3:-2]
-    return made
+        return torch.nn.functional.pad(result, (3, 2, 1, 4))[:, 1:-4, 3:-2]
+    return result
 
 
 def array(image):
@@ -125,9 +125,9 @@ def test_in_place_is_refused_where_the_size_changes():
 
 def test_a_plan_that_draws_differently_here_is_refused():
     (op,) = SPECS["subtitle"].plan(scene(SIZE), seed=5, sample=0).ops
-    other = Plan("subtitle-v1", SIZE, {}, (Paste(op.sprite, op.at, "0" * 16),))
+    plan = Plan("subtitle-v1", SIZE, {}, (Paste(op.sprite, op.at, "0" * 16),))
     with pytest.raises(hj.HijackError, match="draws differently here"):
-        hj.apply([other], tensor(picture(SIZE))[None])
+        hj.apply([plan], tensor(picture(SIZE))[None])
 
 
 @settings(max_examples=15, deadline=None)

@@ -51,11 +51,11 @@ def test_lines_of_text_are_found_one_by_one(theme: str) -> None:
     lines = [
         write(image, (100, 100 + 40 * i), f"Line {i}: open the file menu", theme) for i in range(10)
     ]
-    found = boxes_from_picture(np.asarray(image))
-    assert len(found) == 10
-    assert all(covering(found.boxes, line, 4) for line in lines)
-    assert set(found.roles) == {"thing"}
-    assert found.source == "picture"
+    result = boxes_from_picture(np.asarray(image))
+    assert len(result) == 10
+    assert all(covering(result.boxes, line, 4) for line in lines)
+    assert set(result.roles) == {"thing"}
+    assert result.source == "picture"
 
 
 @pytest.mark.parametrize("theme", ["white", "dark"])
@@ -66,11 +66,11 @@ def test_a_button_and_an_input_count_once_each(theme: str) -> None:
     write(image, (340, 210), "Save as", theme)
     draw.rectangle((300, 300, 1299, 339), outline=INK[theme][1])
     write(image, (312, 310), "Search the web", theme)
-    found = boxes_from_picture(np.asarray(image))
-    assert len(found) == 2
-    assert covering(found.boxes, [300, 200, 460, 240], 3)
-    assert covering(found.boxes, [300, 300, 1300, 340], 3)
-    assert found.roles == ("control", "control")
+    result = boxes_from_picture(np.asarray(image))
+    assert len(result) == 2
+    assert covering(result.boxes, [300, 200, 460, 240], 3)
+    assert covering(result.boxes, [300, 300, 1300, 340], 3)
+    assert result.roles == ("control", "control")
 
 
 def test_icons_in_a_window_are_found_and_the_window_is_not() -> None:
@@ -82,9 +82,9 @@ def test_icons_in_a_window_are_found_and_the_window_is_not() -> None:
     for x1, y1, x2, y2 in icons:
         draw.rounded_rectangle((x1, y1, x2 - 1, y2 - 1), 8, fill=(40, 90, 200))
         draw.ellipse((x1 + 16, y1 + 16, x2 - 16, y2 - 16), fill=(250, 220, 60))
-    found = boxes_from_picture(np.asarray(image))
-    assert len(found) == 8
-    assert all(covering(found.boxes, icon, 4) for icon in icons)
+    result = boxes_from_picture(np.asarray(image))
+    assert len(result) == 8
+    assert all(covering(result.boxes, icon, 4) for icon in icons)
 
 
 def test_what_lies_in_a_picture_is_not_counted_again() -> None:
@@ -92,18 +92,18 @@ def test_what_lies_in_a_picture_is_not_counted_again() -> None:
     draw = ImageDraw.Draw(image)
     draw.rectangle((400, 400, 489, 489), outline=(20, 20, 20))
     draw.ellipse((430, 430, 460, 460), fill=(200, 40, 40))
-    found = boxes_from_picture(np.asarray(image))
-    assert len(found) == 1
-    assert covering(found.boxes, [400, 400, 490, 490], 3)
+    result = boxes_from_picture(np.asarray(image))
+    assert len(result) == 1
+    assert covering(result.boxes, [400, 400, 490, 490], 3)
 
 
 def test_a_toolbar_is_not_one_control() -> None:
     image = screen()
     ImageDraw.Draw(image).rectangle((200, 200, 899, 239), fill=(225, 225, 225))
     words = [write(image, (220 + 110 * i, 210), f"Menu{i}") for i in range(6)]
-    found = boxes_from_picture(np.asarray(image))
-    assert len(found) == 6
-    assert all(covering(found.boxes, word, 4) for word in words)
+    result = boxes_from_picture(np.asarray(image))
+    assert len(result) == 6
+    assert all(covering(result.boxes, word, 4) for word in words)
 
 
 @pytest.mark.parametrize(
@@ -111,9 +111,9 @@ def test_a_toolbar_is_not_one_control() -> None:
 )
 @pytest.mark.parametrize("colour", [0, 130, 255])
 def test_one_colour_has_no_element(size: tuple[int, int], colour: int) -> None:
-    found = boxes_from_picture(np.full((*size, 3), colour, np.uint8))
-    assert found.boxes.shape == (0, 4)
-    assert found.notes == ("nothing that looks like an element was found in the picture",)
+    result = boxes_from_picture(np.full((*size, 3), colour, np.uint8))
+    assert result.boxes.shape == (0, 4)
+    assert result.notes == ("nothing that looks like an element was found in the picture",)
 
 
 def test_noise_and_fine_patterns_end_soon(noise: np.ndarray) -> None:
@@ -123,20 +123,20 @@ def test_noise_and_fine_patterns_end_soon(noise: np.ndarray) -> None:
         for x in range(0, 2300, 36):
             dots[y : y + 14, x : x + 14] = 255
     start = time.process_time()
-    found = boxes_from_picture(dots)
+    result = boxes_from_picture(dots)
     assert time.process_time() - start < 3
-    assert 0 < len(found) <= MAX_PARTS
-    assert found.notes[0].startswith(f"kept the {MAX_PARTS} largest of 3")
+    assert 0 < len(result) <= MAX_PARTS
+    assert result.notes[0].startswith(f"kept the {MAX_PARTS} largest of 3")
 
 
 def test_a_huge_picture_is_scaled_back() -> None:
     image = np.full((10000, 10000, 3), 255, np.uint8)
     image[4000:4200, 6000:6240] = (30, 60, 200)
     image[9800:9990, 9700:9950] = (30, 60, 200)
-    found = boxes_from_picture(image)
-    assert len(found) == 2
-    assert covering(found.boxes, [6000, 4000, 6240, 4200], 30)
-    assert covering(found.boxes, [9700, 9800, 9950, 9990], 30)
+    result = boxes_from_picture(image)
+    assert len(result) == 2
+    assert covering(result.boxes, [6000, 4000, 6240, 4200], 30)
+    assert covering(result.boxes, [9700, 9800, 9950, 9990], 30)
 
 
 def test_torch_jax_pil_and_numpy_agree() -> None:
@@ -147,7 +147,7 @@ def test_torch_jax_pil_and_numpy_agree() -> None:
     expected = boxes_from_picture(pixels).boxes
     assert len(expected) == 1
     tensor = torch.from_numpy(pixels).permute(2, 0, 1)
-    for other in (
+    for second in (
         image,
         image.convert("RGBA"),
         tensor,
@@ -155,7 +155,7 @@ def test_torch_jax_pil_and_numpy_agree() -> None:
         jnp.asarray(pixels),
         pixels[:, ::-1][:, ::-1],
     ):
-        assert np.array_equal(boxes_from_picture(other).boxes, expected)
+        assert np.array_equal(boxes_from_picture(second).boxes, expected)
     assert np.array_equal(pixels, np.asarray(image))
 
 
@@ -175,10 +175,10 @@ REAL = [
 def test_real_screens_have_many_small_elements_and_no_giant(shared_data: Path, name: str) -> None:
     with Image.open(shared_data / "screenshots" / name) as file:
         image = file.convert("RGB")
-    found = boxes_from_picture(image)
-    sides = found.boxes[:, 2:] - found.boxes[:, :2]
+    result = boxes_from_picture(image)
+    sides = result.boxes[:, 2:] - result.boxes[:, :2]
     share = sides.prod(1) / (image.width * image.height)
-    assert 30 <= len(found) <= 400
+    assert 30 <= len(result) <= 400
     assert (sides > 0).all()
     assert share.max() < 0.15
     assert np.median(share) < 0.005
@@ -213,14 +213,14 @@ KNOWN = {
 @pytest.mark.parametrize("name", sorted(KNOWN))
 def test_known_elements_of_real_screens_are_covered(shared_data: Path, name: str) -> None:
     with Image.open(shared_data / "screenshots" / name) as file:
-        found = boxes_from_picture(file.convert("RGB"))
-    for what, (x1, y1, x2, y2) in KNOWN[name].items():
-        overlap = np.minimum(found.boxes[:, 2:], (x2, y2)) - np.maximum(
-            found.boxes[:, :2], (x1, y1)
+        result = boxes_from_picture(file.convert("RGB"))
+    for value, (x1, y1, x2, y2) in KNOWN[name].items():
+        overlap = np.minimum(result.boxes[:, 2:], (x2, y2)) - np.maximum(
+            result.boxes[:, :2], (x1, y1)
         )
         common = np.maximum(overlap, 0).prod(1)
-        union = (found.boxes[:, 2:] - found.boxes[:, :2]).prod(1) + (x2 - x1) * (y2 - y1) - common
-        assert (common / union).max() > 0.45, f"{what}: best IoU {(common / union).max():.2f}"
+        union = (result.boxes[:, 2:] - result.boxes[:, :2]).prod(1) + (x2 - x1) * (y2 - y1) - common
+        assert (common / union).max() > 0.45, f"{value}: best IoU {(common / union).max():.2f}"
 
 
 # How many elements, and a hash of them. The plans of stored datasets depend on every box and on
@@ -241,9 +241,9 @@ SCREENS = {
 
 def pinned(file: Path) -> tuple[int, str]:
     with Image.open(file) as image:
-        found = boxes_from_picture(image.convert("RGB"))
-    said = json.dumps([found.boxes.tolist(), found.roles])
-    return len(found), hashlib.sha256(said.encode()).hexdigest()[:16]
+        result = boxes_from_picture(image.convert("RGB"))
+    output = json.dumps([result.boxes.tolist(), result.roles])
+    return len(result), hashlib.sha256(output.encode()).hexdigest()[:16]
 
 
 @pytest.mark.parametrize("name", sorted(RECORDED))
@@ -264,8 +264,8 @@ def test_the_number_of_threads_changes_nothing(shared_data: Path) -> None:
     try:
         for threads in (1, 2, 5):
             cv2.setNumThreads(threads)
-            found = boxes_from_picture(image)
-            results.append((found.boxes.tolist(), found.roles))
+            result = boxes_from_picture(image)
+            results.append((result.boxes.tolist(), result.roles))
             assert cv2.getNumThreads() == threads
     finally:
         cv2.setNumThreads(before)
@@ -279,8 +279,8 @@ def test_boxes_lie_in_any_picture_and_are_sorted(
 ) -> None:
     cells = np.random.default_rng(seed).integers(0, 256, (height, width, 3), dtype=np.uint8)
     image = np.kron(cells, np.ones((grain, grain, 1), np.uint8))[:300, :300]
-    found = boxes_from_picture(image)
-    x1, y1, x2, y2 = found.boxes.T
+    result = boxes_from_picture(image)
+    x1, y1, x2, y2 = result.boxes.T
     assert (
         (x1 >= 0)
         & (y1 >= 0)
@@ -289,6 +289,6 @@ def test_boxes_lie_in_any_picture_and_are_sorted(
         & (x1 < x2)
         & (y1 < y2)
     ).all()
-    places = [(b[1], b[0]) for b in found.boxes.tolist()]
+    places = [(b[1], b[0]) for b in result.boxes.tolist()]
     assert places == sorted(places)
-    assert set(found.roles) <= {"control", "thing"}
+    assert set(result.roles) <= {"control", "thing"}

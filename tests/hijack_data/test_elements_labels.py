@@ -31,16 +31,16 @@ SIZE = (1000, 2000)
     ],
 )
 def test_every_shape_gives_the_same_box(data: object) -> None:
-    found = boxes_from_labels(data, size=SIZE)
-    assert found.boxes.tolist() == [[10, 20, 110, 70]]
-    assert found.boxes.dtype == np.int32
-    assert found.source == "labels"
+    result = boxes_from_labels(data, size=SIZE)
+    assert result.boxes.tolist() == [[10, 20, 110, 70]]
+    assert result.boxes.dtype == np.int32
+    assert result.source == "labels"
 
 
 def test_fractions() -> None:
     data = [[0.005, 0.02, 0.055, 0.07], {"x": 0.5, "y": 0.5, "width": 0.5, "height": 0.5}]
-    found = boxes_from_labels(data, normalized=True, size=SIZE)
-    assert found.boxes.tolist() == [[10, 20, 110, 70], [1000, 500, 2000, 1000]]
+    result = boxes_from_labels(data, normalized=True, size=SIZE)
+    assert result.boxes.tolist() == [[10, 20, 110, 70], [1000, 500, 2000, 1000]]
 
 
 def test_names_and_roles() -> None:
@@ -49,9 +49,9 @@ def test_names_and_roles() -> None:
         [0, 0, 2, 2],
         {"box": [0, 0, 3, 3], "name": 7},
     ]
-    found = boxes_from_labels(data)
-    assert found.names == ("OK", "", "")
-    assert found.roles == ("button", "", "")
+    result = boxes_from_labels(data)
+    assert result.names == ("OK", "", "")
+    assert result.roles == ("button", "", "")
 
 
 @pytest.mark.parametrize("data", [[], (), np.zeros((0, 4)), {}, {"metadata": {}}, {"bboxes": []}])
@@ -116,11 +116,11 @@ def test_agentnetbench(shared_data: Path) -> None:
     for path in sorted((shared_data / "trajectories" / "agentnetbench").glob("*.json")):
         for step in json.loads(path.read_text())["steps"]:
             for action in step["ground_truth_actions"]:
-                found = boxes_from_labels(action, size=(1080, 1920))
-                assert len(found) == len(action["metadata"].get("bboxes", ()))
+                result = boxes_from_labels(action, size=(1080, 1920))
+                assert len(result) == len(action["metadata"].get("bboxes", ()))
                 if action["type"] == "click":
                     position = action["params"]["position"]
-                    x1, y1, x2, y2 = found.boxes[0].tolist()
+                    x1, y1, x2, y2 = result.boxes[0].tolist()
                     assert x1 - 1 <= position["x"] * 1920 <= x2 + 1
                     assert y1 - 1 <= position["y"] * 1080 <= y2 + 1
                     clicks += 1
@@ -143,11 +143,11 @@ json_like = st.recursive(
 @given(json_like, st.booleans())
 def test_any_json_raises_nothing_else(data: object, normalized: bool) -> None:
     try:
-        found = boxes_from_labels(data, normalized, SIZE)
+        result = boxes_from_labels(data, normalized, SIZE)
     except ElementsError:
         return
-    assert found.boxes.shape == (len(found.names), 4)
-    assert (found.boxes[:, 2:] >= found.boxes[:, :2]).all()
+    assert result.boxes.shape == (len(result.names), 4)
+    assert (result.boxes[:, 2:] >= result.boxes[:, :2]).all()
 
 
 @given(st.lists(st.tuples(*[st.integers(-(2**20), 2**20)] * 4), max_size=5))

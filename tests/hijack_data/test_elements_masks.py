@@ -54,19 +54,19 @@ def test_boxes_and_areas_are_those_of_opencv(mask: np.ndarray, connectivity: int
 def test_parts_are_taken_away_whole(mask: np.ndarray, connectivity: int, area: int) -> None:
     parts = Parts(cv2, mask, connectivity)
     labels, stats = with_stats(mask, connectivity)
-    wanted = np.concatenate([[False], stats[:, 4] >= area])
-    assert np.array_equal(parts.without(parts.area < area), wanted[labels] * np.uint8(255))
+    expected = np.concatenate([[False], stats[:, 4] >= area])
+    assert np.array_equal(parts.without(parts.area < area), expected[labels] * np.uint8(255))
 
 
 @given(masks(), st.sampled_from([4, 8]), st.integers(0, 2**32))
 def test_what_another_mask_touches(mask: np.ndarray, connectivity: int, seed: int) -> None:
-    other = (np.random.default_rng(seed).random(mask.shape) < 0.02) * np.uint8(255)
+    second = (np.random.default_rng(seed).random(mask.shape) < 0.02) * np.uint8(255)
     parts = Parts(cv2, mask, connectivity)
     labels, stats = with_stats(mask, connectivity)
-    touched = np.isin(np.arange(len(stats)) + 1, labels[other > 0])
-    found = parts.touching(other)
-    assert in_order(columns(parts)[found]) == in_order(stats[touched])
-    assert in_order(columns(parts)[~found]) == in_order(stats[~touched])
+    touched = np.isin(np.arange(len(stats)) + 1, labels[second > 0])
+    result = parts.touching(second)
+    assert in_order(columns(parts)[result]) == in_order(stats[touched])
+    assert in_order(columns(parts)[~result]) == in_order(stats[~touched])
 
 
 @given(masks(), st.integers(0, 45).map(lambda half: 2 * half + 1))

@@ -35,23 +35,23 @@ def page() -> tuple[np.ndarray, dict[str, tuple[float, float, float, float]]]:
 
 def test_lines_have_their_place_and_text() -> None:
     image, lines = page()
-    found = boxes_from_ocr(image)
-    assert sorted(found.names) == sorted(lines)
-    assert set(found.roles) == {"text"}
-    assert found.source == "ocr"
-    assert found.boxes.dtype == np.int32
-    for name, box in zip(found.names, found.boxes.tolist(), strict=True):
+    result = boxes_from_ocr(image)
+    assert sorted(result.names) == sorted(lines)
+    assert set(result.roles) == {"text"}
+    assert result.source == "ocr"
+    assert result.boxes.dtype == np.int32
+    for name, box in zip(result.names, result.boxes.tolist(), strict=True):
         assert np.abs(np.subtract(box, lines[name])).max() <= 10
 
 
 def test_colours_are_read_in_the_right_order(monkeypatch: pytest.MonkeyPatch) -> None:
     """RapidOCR expects blue, green, red."""
-    seen: list[np.ndarray] = []
-    monkeypatch.setattr(ocr, "_engine", lambda process: lambda image: seen.append(image))
+    calls: list[np.ndarray] = []
+    monkeypatch.setattr(ocr, "_engine", lambda process: lambda image: calls.append(image))
     image = np.zeros((20, 30, 3), np.uint8)
     image[..., 0] = 200
     boxes_from_ocr(image)
-    assert seen[0][0, 0].tolist() == [0, 0, 200]
+    assert calls[0][0, 0].tolist() == [0, 0, 200]
 
 
 def test_the_engine_is_loaded_once_and_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
@@ -68,9 +68,9 @@ def test_the_engine_is_loaded_once_and_says_nothing(capfd: pytest.CaptureFixture
 
 @pytest.mark.parametrize("size", [(1, 1), (7, 300), (300, 7), (20, 5000), (5000, 20), (8, 1900)])
 def test_no_text_gives_no_box_and_a_note(size: tuple[int, int]) -> None:
-    found = boxes_from_ocr(np.full((*size, 3), 255, np.uint8))
-    assert found.boxes.shape == (0, 4)
-    assert found.notes == ("no text was found in the picture",)
+    result = boxes_from_ocr(np.full((*size, 3), 255, np.uint8))
+    assert result.boxes.shape == (0, 4)
+    assert result.notes == ("no text was found in the picture",)
 
 
 def test_a_batch_is_refused() -> None:
@@ -103,12 +103,12 @@ def engines(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bool], Any]]:
 def test_openvino_finds_the_lines_that_onnx_runtime_finds(engines: Callable[[bool], Any]) -> None:
     screen = np.asarray(Image.open(SCREEN).convert("RGB"))[:600, 600:1400]
     engines(True)
-    found = boxes_from_ocr(screen)
+    result = boxes_from_ocr(screen)
     engines(False)
-    other = boxes_from_ocr(screen)
-    assert len(found.names) > 10
-    assert found.names == other.names
-    assert found.boxes.tolist() == other.boxes.tolist()
+    second = boxes_from_ocr(screen)
+    assert len(result.names) > 10
+    assert result.names == second.names
+    assert result.boxes.tolist() == second.boxes.tolist()
 
 
 def test_openvino_computes_in_float32_on_every_processor(engines: Callable[[bool], Any]) -> None:

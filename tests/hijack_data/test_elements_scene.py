@@ -54,9 +54,9 @@ def test_the_tree_wins_then_labels_then_the_picture() -> None:
 
 def test_none_is_a_source_too() -> None:
     assert scene_from(picture(), detect="none").boxes.shape == (0, 4)
-    found = elements_from(picture(), detect="none")
-    assert found.source == "none"
-    assert len(found.notes) == 1
+    result = elements_from(picture(), detect="none")
+    assert result.source == "none"
+    assert len(result.notes) == 1
 
 
 def test_empty_labels_and_trees_do_not_fall_through() -> None:
@@ -145,15 +145,15 @@ def test_importing_loads_no_detector() -> None:
 
 
 def test_elements_fill_in_and_check() -> None:
-    found = Elements(
+    elements = Elements(
         np.array([[1, 2, 3, 4], [5, 6, 7, 8]]), roles=("link", "entry"), source="labels"
     )
-    assert found.names == ("", "")
-    assert found.boxes.dtype == np.int32
+    assert elements.names == ("", "")
+    assert elements.boxes.dtype == np.int32
     assert len(Elements()) == 0
     with pytest.raises(ElementsError, match="1 names for 2 boxes"):
-        Elements(found.boxes, names=("x",))
+        Elements(elements.boxes, names=("x",))
     with pytest.raises(ElementsError, match="did you mean 'labels'"):
         Elements(source="label")  # type: ignore[arg-type]
     with pytest.raises(AttributeError):
-        found.names = ()  # type: ignore[misc]
+        elements.names = ()  # type: ignore[misc]

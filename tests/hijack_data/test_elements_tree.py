@@ -82,19 +82,19 @@ DESKTOP = document(f"""
 
 
 def test_a_desktop_of_nested_applications() -> None:
-    found = boxes_from_tree(DESKTOP, SIZE)
-    assert found.source == "tree"
-    assert found.boxes.dtype == np.int32
-    assert found.names == ("Back", "Location & path", "notes.txt", "far right", "More")
-    assert found.roles == ("push-button", "entry", "icon", "icon", "link")
-    assert found.boxes.tolist() == [
+    result = boxes_from_tree(DESKTOP, SIZE)
+    assert result.source == "tree"
+    assert result.boxes.dtype == np.int32
+    assert result.names == ("Back", "Location & path", "notes.txt", "far right", "More")
+    assert result.roles == ("push-button", "entry", "icon", "icon", "link")
+    assert result.boxes.tolist() == [
         [8, 30, 40, 62],
         [50, 30, 650, 62],
         [0, 100, 76, 196],
         [1900, 1060, 1920, 1080],
         [1000, 500, 1080, 518],
     ]
-    assert found.notes == (
+    assert result.notes == (
         (
             "left out 9 of 14 interactive nodes: "
             "1 disabled, 2 hidden, 3 off the screen, 1 without a place or a size, 2 without an area"
@@ -104,8 +104,8 @@ def test_a_desktop_of_nested_applications() -> None:
 
 
 def test_without_a_size_boxes_stay_as_they_are() -> None:
-    found = boxes_from_tree(DESKTOP)
-    boxes = dict(zip(found.names, found.boxes.tolist(), strict=True))
+    result = boxes_from_tree(DESKTOP)
+    boxes = dict(zip(result.names, result.boxes.tolist(), strict=True))
     assert boxes["notes.txt"] == [-20, 100, 76, 196]
     assert boxes["below"] == [0, 1080, 96, 1176]
     assert "left of it" not in boxes
@@ -132,9 +132,9 @@ def test_windows_needs_no_showing_and_takes_the_friendly_class() -> None:
         + node("button", name="gone", states='st:visible="false"')
         + node("pane", name="plain", states=visible)
     )
-    found = boxes_from_tree(document(body, "windows", "desktop"), SIZE)
-    assert found.names == ("Bold", "Tab")
-    assert found.roles == ("netuiribbonbutton", "tabitem")
+    result = boxes_from_tree(document(body, "windows", "desktop"), SIZE)
+    assert result.names == ("Bold", "Tab")
+    assert result.roles == ("netuiribbonbutton", "tabitem")
 
 
 def test_macos_needs_no_state_and_has_titles() -> None:
@@ -144,10 +144,10 @@ def test_macos_needs_no_state_and_has_titles() -> None:
         + node("text", states='attr:AXTitle="static text"')
         + node("button", states='attr:AXTitle="grey" st:AXEnabled="False"')
     )
-    found = boxes_from_tree(document(body, "macos", "desktop"), SIZE)
-    assert found.names == ("Close", "Search")
-    assert found.roles == ("close-button", "text-field")
-    assert "1 disabled" in found.notes[0]
+    result = boxes_from_tree(document(body, "macos", "desktop"), SIZE)
+    assert result.names == ("Close", "Search")
+    assert result.roles == ("close-button", "text-field")
+    assert "1 disabled" in result.notes[0]
 
 
 @pytest.mark.parametrize("role", sorted(INTERACTIVE_ROLES))
@@ -159,9 +159,9 @@ def test_every_interactive_role_is_kept(role: str) -> None:
     "role", ["panel", "frame", "label", "heading", "section", "list", "static", "tool-bar"]
 )
 def test_other_roles_are_not(role: str) -> None:
-    found = boxes_from_tree(document(node(role)))
-    assert found.boxes.shape == (0, 4)
-    assert found.notes == ("the accessibility tree has no interactive node",)
+    result = boxes_from_tree(document(node(role)))
+    assert result.boxes.shape == (0, 4)
+    assert result.notes == ("the accessibility tree has no interactive node",)
 
 
 @pytest.mark.parametrize(
@@ -322,10 +322,10 @@ def test_random_input_raises_nothing_else(xml: str | bytes) -> None:
 def test_a_damaged_tree_raises_nothing_else(at: int, patch: str, cut: int) -> None:
     xml = DESKTOP[:at] + patch + DESKTOP[at + cut :]
     try:
-        found = boxes_from_tree(xml, SIZE)
+        result = boxes_from_tree(xml, SIZE)
     except ElementsError:
         return
-    assert len(found) <= 15
+    assert len(result) <= 15
 
 
 integers = st.integers(-(2**31), 2**31 - 1)
@@ -341,24 +341,24 @@ def test_kept_boxes_lie_on_the_screen_and_all_nodes_are_counted(
     places: list[tuple[int, int, int, int]],
 ) -> None:
     xml = document("".join(node("link", p[:2], p[2:], f"{i}") for i, p in enumerate(places)))
-    found = boxes_from_tree(xml, (90, 100))
-    for box, name in zip(found.boxes.tolist(), found.names, strict=True):
+    result = boxes_from_tree(xml, (90, 100))
+    for box, name in zip(result.boxes.tolist(), result.names, strict=True):
         x, y, w, h = places[int(name)]
         assert box == [max(x, 0), max(y, 0), min(x + w, 100), min(y + h, 90)]
         assert box[0] < box[2]
         assert box[1] < box[3]
-    lost = len(places) - len(found)
-    assert lost == 0 or found.notes[0].startswith(f"left out {lost} of {len(places)} ")
-    assert boxes_from_tree(xml, (90, 100)).boxes.tolist() == found.boxes.tolist()
+    lost = len(places) - len(result)
+    assert lost == 0 or result.notes[0].startswith(f"left out {lost} of {len(places)} ")
+    assert boxes_from_tree(xml, (90, 100)).boxes.tolist() == result.boxes.tolist()
 
 
 def by_name(xml: str) -> dict[str, AccessibleNode]:
-    return {found.name: found for found in nodes_from_tree(xml)}
+    return {item.name: item for item in nodes_from_tree(xml)}
 
 
 def test_all_nodes_come_in_document_order_with_their_application() -> None:
     nodes = nodes_from_tree(DESKTOP)
-    assert [found.index for found in nodes] == list(range(len(nodes)))
+    assert [item.index for item in nodes] == list(range(len(nodes)))
     root = nodes[0]
     assert (root.role, root.depth, root.parent, root.application) == ("desktop-frame", 1, None, "")
     assert root.application_index == -1
@@ -366,13 +366,13 @@ def test_all_nodes_come_in_document_order_with_their_application() -> None:
     assert (more.role, more.depth, more.application) == ("static", 6, "Chromium")
     assert more.parent is nodes[-2]
     assert nodes[more.application_index].name == "Chromium"
-    assert {found.application for found in nodes[1:]} == {"Thunar", "Chromium"}
+    assert {item.application for item in nodes[1:]} == {"Thunar", "Chromium"}
 
 
 def test_applications_of_one_name_are_told_apart() -> None:
     nodes = nodes_from_tree(document(2 * f"<application name='a'>{node('entry')}</application>"))
-    assert [found.application for found in nodes[1:]] == ["a"] * 4
-    assert [found.application_index for found in nodes] == [-1, 1, 1, 3, 3]
+    assert [item.application for item in nodes[1:]] == ["a"] * 4
+    assert [item.application_index for item in nodes] == [-1, 1, 1, 3, 3]
 
 
 def test_a_node_has_text_states_and_a_box() -> None:
@@ -403,7 +403,7 @@ def test_text_is_what_comes_before_the_first_child() -> None:
 
 def test_a_malformed_place_is_no_box_and_an_error_only_for_an_element() -> None:
     nodes = nodes_from_tree(document(node("label", "(1, x)") + node("entry", (2**31, 0))))
-    assert [found.box for found in nodes] == [None, None, None]
+    assert [item.box for item in nodes] == [None, None, None]
     assert not len(interactive_elements(nodes[:2]))
     with pytest.raises(ElementsError, match=r"screencoord=.*at desktop-frame/entry"):
         interactive_elements(nodes)
@@ -418,11 +418,11 @@ def test_windows_and_macos_nodes_have_their_own_roles_names_and_states() -> None
 
 
 def test_the_interactive_elements_of_all_nodes_are_those_of_the_tree() -> None:
-    found = interactive_elements(nodes_from_tree(DESKTOP), SIZE)
+    result = interactive_elements(nodes_from_tree(DESKTOP), SIZE)
     expected = boxes_from_tree(DESKTOP, SIZE)
-    assert found.boxes.tolist() == expected.boxes.tolist()
-    assert (found.names, found.roles) == (expected.names, expected.roles)
-    assert (found.source, found.notes) == (expected.source, expected.notes)
+    assert result.boxes.tolist() == expected.boxes.tolist()
+    assert (result.names, result.roles) == (expected.names, expected.roles)
+    assert (result.source, result.notes) == (expected.source, expected.notes)
 
 
 def test_the_number_of_nodes_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:

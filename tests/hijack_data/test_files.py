@@ -176,17 +176,17 @@ def test_damaged_files_are_ours_to_refuse(kind):
         buffer, kind
     )
     whole, rng = buffer.getvalue(), np.random.default_rng(1)
-    seen = set()
+    names = set()
     for _ in range(400):
         data = bytearray(whole)
         for _ in range(rng.integers(1, 5)):
             data[rng.integers(0, min(len(data), 300))] = rng.integers(0, 256)
         cut = len(data) if rng.random() < 0.7 else int(rng.integers(0, len(data)))
         try:
-            seen.add(decode_image(bytes(data[:cut]), "x", upright=True)[0].shape[2:])
+            names.add(decode_image(bytes(data[:cut]), "x", upright=True)[0].shape[2:])
         except ImageError:
-            seen.add(None)
-    assert None in seen
+            names.add(None)
+    assert None in names
 
 
 @pytest.mark.parametrize("path", ["a\0b.png", "a\ud800.png", "x" * 5000])
@@ -319,22 +319,22 @@ def test_data_in_memory_are_checked_alike():
 
 
 def test_what_is_written_is_on_the_disk_before_its_name_is(tmp_path, monkeypatch):
-    done, fsync, replace = [], os.fsync, Path.replace
+    items, fsync, replace = [], os.fsync, Path.replace
 
     def note_sync(handle):
-        done.append(
+        items.append(
             "folder" if stat.S_ISDIR(os.fstat(handle).st_mode) else os.pread(handle, 9, 0).decode()
         )
         fsync(handle)
 
     def note_name(self, target):
-        done.append("name")
+        items.append("name")
         return replace(self, target)
 
     monkeypatch.setattr(os, "fsync", note_sync)
     monkeypatch.setattr(Path, "replace", note_name)
     write_atomic(tmp_path / "a", "content")
-    assert done == ["content", "name", "folder"]
+    assert items == ["content", "name", "folder"]
 
 
 def test_a_folder_that_cannot_be_synced_is_no_error(tmp_path, monkeypatch):

@@ -93,9 +93,11 @@ class Reader(HTMLParser):
             self.texts[tag][-1] += data
 
     def all(self, tag: str, name: str | None = None) -> list[dict[str, str | None]]:
-        found = [attrs for t, attrs in self.elements if t == tag]
+        elements = [attrs for t, attrs in self.elements if t == tag]
         return (
-            found if name is None else [a for a in found if name in (a.get("class") or "").split()]
+            elements
+            if name is None
+            else [a for a in elements if name in (a.get("class") or "").split()]
         )
 
     @property
@@ -179,9 +181,9 @@ def test_the_pictures_on_the_page_are_the_pictures_that_apply_gives(shots: list[
     image, _ = load_image(shots[0])
     scene = hj.Scene(image.shape[:2])
     tiles = [picture_of(attrs["src"] or "") for attrs in Reader(page.html).all("img", "after")]
-    for shown, planner in zip(tiles, planners.values(), strict=True):
+    for value, planner in zip(tiles, planners.values(), strict=True):
         plan = planner.plan(scene, seed=5, sample="first.png")
-        np.testing.assert_array_equal(shown, hj.apply(plan, image))
+        np.testing.assert_array_equal(value, hj.apply(plan, image))
     (uri,) = re.findall(r"\.p0 \.before\{background-image:url\((data:[^)]*)\)\}", page.html)
     np.testing.assert_array_equal(picture_of(uri), image)
 
@@ -288,13 +290,13 @@ def test_the_command_on_a_tile_gives_the_picture_on_it(
     read = Reader(gallery([path], seed=4, planners=planners).html)
     commands = [text for text in read.texts["pre"] if text.startswith("hijack ")]
     monkeypatch.chdir(tmp_path)
-    for command, plan, shown in zip(commands, read.plans, read.all("img"), strict=True):
+    for command, plan, value in zip(commands, read.plans, read.all("img"), strict=True):
         assert plan.ops
         with pytest.raises(SystemExit) as end:
             main(shlex.split(command)[1:])
         assert end.value.code == 0
         assert plan.digest()[:12] in capsys.readouterr().out
-        np.testing.assert_array_equal(load_image("out.png")[0], picture_of(shown["src"] or ""))
+        np.testing.assert_array_equal(load_image("out.png")[0], picture_of(value["src"] or ""))
 
 
 def test_a_command_is_left_out_where_it_would_give_another_plan() -> None:
@@ -346,13 +348,15 @@ SPRITE = {"draw": "mark", "shape": "rectangle", "size": 4, "color": "red"}
 def test_same_input_same_bytes_wherever_the_files_lie(shots: list[Path], tmp_path: Path) -> None:
     planners: Mapping[str, Any] = {"marks": hj.Marks(), "gone": hj.Subtitle(font_size=500)}
     copies = [Path(shutil.copy(path, tmp_path)) for path in shots]
-    one = gallery([*shots, shots[0].parent / "none.png"], seed=3, planners=planners, detect="none")
+    result = gallery(
+        [*shots, shots[0].parent / "none.png"], seed=3, planners=planners, detect="none"
+    )
     two = gallery(
         [*map(str, copies), str(tmp_path / "none.png")], seed=3, planners=planners, detect="none"
     )
-    assert one == two
+    assert result == two
     assert str(tmp_path) not in two.html
-    assert one.html != gallery(shots, seed=4, planners=planners, detect="none").html
+    assert result.html != gallery(shots, seed=4, planners=planners, detect="none").html
 
 
 def test_hostile_text_stays_text(shots: list[Path]) -> None:
@@ -467,8 +471,8 @@ def test_wide_pictures_are_scaled_down_together_and_say_so(tmp_path: Path) -> No
     path = save(tmp_path / "wide.png", screen(500, 1000))
     planners: Mapping[str, Any] = {"marks": hj.Marks(number=2), "small": hj.Resolution(scale=0.5)}
     page = gallery([path], planners=planners, detect="none", embed_width=660)
-    shown = [picture_of(attrs["src"] or "").shape for attrs in Reader(page.html).all("img")]
-    assert shown == [(330, 660, 3), (165, 330, 3)]
+    shapes = [picture_of(attrs["src"] or "").shape for attrs in Reader(page.html).all("img")]
+    assert shapes == [(330, 660, 3), (165, 330, 3)]
     assert "1000x500, shown at 66 %" in page.html
     assert "1000x500 to 500x250, shown at 66 %" in page.html
     assert (

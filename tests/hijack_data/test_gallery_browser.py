@@ -113,8 +113,8 @@ def red(pixels: np.ndarray, box: dict[str, float]) -> int:
 
 def test_filters_overlays_and_enlarging(browser: Browser, page_file: Path) -> None:
     browser.open(page_file.as_uri())
-    shown = "[...document.querySelectorAll('.tile')].filter(t => t.offsetParent)"
-    visible = f"{shown}.map(t => t.querySelector('h3').textContent)"
+    text = "[...document.querySelectorAll('.tile')].filter(t => t.offsetParent)"
+    visible = f"{text}.map(t => t.querySelector('h3').textContent)"
     browser.js("document.querySelector('[data-filter=\"2\"]').click()")
     assert browser.js(visible) == ["marks", "marks"]
     browser.js("document.querySelector('[data-filter=\"8\"]').click()")
@@ -152,11 +152,11 @@ def test_without_scripts_both_pictures_stand_side_by_side(
     browser.call("Emulation.setScriptExecutionDisabled", value=True)
     try:
         browser.open(page_file.as_uri())
-        shown = (
+        text = (
             "[...document.querySelectorAll('.tile:not(.card) {0}')].map(e =>"
             " e.getBoundingClientRect().toJSON())"
         )
-        left, right = (browser.js(shown.format(name)) for name in (".before", ".after"))
+        left, right = (browser.js(text.format(name)) for name in (".before", ".after"))
         assert len(left) == len(right) == 2 * (OFFLINE + LIVE)
         for a, b in zip(left, right, strict=True):
             assert a["width"] > 200

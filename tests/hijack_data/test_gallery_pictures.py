@@ -30,8 +30,8 @@ def test_small_pictures_are_exact_and_large_ones_stay_close(noise: np.ndarray) -
     grey = Image.fromarray(noise[..., 0]).resize((1280, 720), Image.Resampling.BICUBIC)
     smooth = np.asarray(grey.convert("RGB"))
     assert len(data_uris.embed(busy, 1.0).uri) < busy.nbytes
-    shown = picture_of(data_uris.embed(smooth, 1.0).uri).astype(int)
-    assert 0 < np.abs(shown - smooth).mean() < 4
+    result = picture_of(data_uris.embed(smooth, 1.0).uri).astype(int)
+    assert 0 < np.abs(result - smooth).mean() < 4
     tall = data_uris.embed(np.zeros((20_000, 3, 3), np.uint8), 1.0)
     assert picture_of(tall.uri).shape[0] == data_uris.WEBP_MAX_SIDE
 

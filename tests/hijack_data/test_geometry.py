@@ -131,11 +131,11 @@ def test_order_and_repetition_do_not_matter(data, rows):
 def test_on_a_real_size_it_is_free_and_cannot_be_beaten(seed, count, largest):
     size = (1080, 1920)
     boxes = random_boxes(seed, count, size, largest)
-    found = largest_free_rectangle(size, boxes)
-    assert 0 <= found[0] < found[2] <= 1920
-    assert 0 <= found[1] < found[3] <= 1080
-    assert free(found, boxes)
-    assert area(found) == area_by_strips(size, boxes)
+    result = largest_free_rectangle(size, boxes)
+    assert 0 <= result[0] < result[2] <= 1920
+    assert 0 <= result[1] < result[3] <= 1080
+    assert free(result, boxes)
+    assert area(result) == area_by_strips(size, boxes)
 
 
 @pytest.mark.parametrize(
@@ -186,8 +186,8 @@ def test_a_tie_with_a_span_that_reaches_the_floor():
 
 
 def test_the_result_is_plain_integers():
-    found = largest_free_rectangle((1080, 1920), as_boxes([(10, 10, 500, 500)]))
-    assert [type(v) for v in found] == [int] * 4
+    result = largest_free_rectangle((1080, 1920), as_boxes([(10, 10, 500, 500)]))
+    assert [type(v) for v in result] == [int] * 4
 
 
 def test_areas_beyond_int32():
@@ -224,11 +224,11 @@ def test_thousands_of_boxes_end_soon_and_take_little_memory(largest):
     size = (32_000, 32_000)
     boxes = random_boxes(largest, 5000, size, largest)
     start = time.process_time()
-    found = largest_free_rectangle(size, boxes)
+    result = largest_free_rectangle(size, boxes)
     assert time.process_time() - start < 5
-    assert area(found) > 0
-    assert free(found, boxes)
-    for grown in np.array(found) + np.array(
+    assert area(result) > 0
+    assert free(result, boxes)
+    for grown in np.array(result) + np.array(
         [(-1, 0, 0, 0), (0, -1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)]
     ):
         leaves = grown.min() < 0 or grown.max() > 32_000
@@ -251,7 +251,7 @@ def test_a_thousand_crossing_bars_end_soon():
 @settings(max_examples=200, deadline=None)
 @given(one_box(), box_rows())
 def test_overlaps_count_shared_pixels(box, rows):
-    shared = [int((picture_of([box]) & picture_of([other])).sum()) for other in rows]
+    shared = [int((picture_of([box]) & picture_of([row])).sum()) for row in rows]
     areas = intersection_area(box, as_boxes(rows))
     assert areas.dtype == np.int64
     assert areas.tolist() == shared
@@ -304,8 +304,8 @@ def one_by_one(stream, size, half, number, attempts, rows):
 )
 def test_placing_equals_one_attempt_at_a_time(seed, size, half, number, attempts, rows):
     stream, plain = Stream(seed, "marks-v1"), Stream(seed, "marks-v1")
-    found = place_disjoint(stream, size, half, number, attempts, as_boxes(rows))
-    assert found == one_by_one(plain, size, half, number, attempts, rows)
+    result = place_disjoint(stream, size, half, number, attempts, as_boxes(rows))
+    assert result == one_by_one(plain, size, half, number, attempts, rows)
     assert stream.word() == plain.word()  # nothing drawn ahead
 
 

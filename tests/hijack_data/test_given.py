@@ -24,7 +24,7 @@ def test_a_record_tells_or_does_not(record, given):
 
 
 def test_what_nobody_knows_is_left_out():
-    records = [{"given": given} for given in ([], None, ["plan"], ["plan"])]
+    records = [{"given": options} for options in ([], None, ["plan"], ["plan"])]
     assert collect_privileged_inputs(records) == {(), ("plan",)}
 
 

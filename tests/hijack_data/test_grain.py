@@ -26,8 +26,8 @@ SPEC = hj.OneOf(
 
 
 def rows(count=12, ids=True):
-    made = [{"image": np.roll(picture(SIZE), i, 0), "target": (50, 50)} for i in range(count)]
-    return [{**row, "id": f"row-{i}"} for i, row in enumerate(made)] if ids else made
+    values = [{"image": np.roll(picture(SIZE), i, 0), "target": (50, 50)} for i in range(count)]
+    return [{**row, "id": f"row-{i}"} for i, row in enumerate(values)] if ids else values
 
 
 def digests(elements):
@@ -50,14 +50,14 @@ def test_a_drag_is_judged_at_both_ends():
     scene, shares = hj.Scene(size=SIZE, target=(50, 50)), {}
     for policy in ("keep", "avoid"):
         corrupt = hg.Corrupt(spec, seed=3, label_policy=policy, return_plan=True)
-        made = [corrupt.map({**row, "action": drag}) for row in rows()]
-        shares[policy] = [e["target_visible"] for e in made]
-        assert shares[policy] == [target_visible(e["plan"], (50, 50), (150, 80)) for e in made]
+        values = [corrupt.map({**row, "action": drag}) for row in rows()]
+        shares[policy] = [e["target_visible"] for e in values]
+        assert shares[policy] == [target_visible(e["plan"], (50, 50), (150, 80)) for e in values]
     plans = [
         hj.plugin.plan_avoiding(spec, scene, seed=3, sample=e["id"], step=0, end=drag.end)
-        for e in made
+        for e in values
     ]
-    assert [e["plan"] for e in made] == [plan or hj.Plan.clean(SIZE) for plan in plans]
+    assert [e["plan"] for e in values] == [plan or hj.Plan.clean(SIZE) for plan in plans]
     starts = [
         e["target_visible"] for e in map(hg.Corrupt(spec, seed=3, return_plan=True).map, rows())
     ]
@@ -95,9 +95,9 @@ def test_an_entry_epoch_draws_anew():
 
 def test_a_second_epoch_without_one_is_said():
     again = grain.MapDataset.source(rows()).repeat(2).map(hg.Corrupt(SPEC))
-    with pytest.warns(HijackWarning, match=r"map_with_index.*RandomCorrupt") as said:
+    with pytest.warns(HijackWarning, match=r"map_with_index.*RandomCorrupt") as output:
         list(again)
-    assert len(said) == 1
+    assert len(output) == 1
 
 
 def loader(epochs=2, workers=0):

@@ -91,9 +91,9 @@ def test_plans_travel_as_arguments_of_ones_own_program():
         return images, images.astype("float32").mean(axis=(1, 2, 3)) + bias
 
     plans = [plan([MARKS], i) for i in range(3)]
-    _, found = step(1.0, jax.numpy.asarray(batch(3)), Packer(SIZE).pack(plans))
-    wanted = hj.apply(plans, batch(3)).mean(axis=(1, 2, 3)) + 1
-    assert np.allclose(np.asarray(found), wanted, atol=1e-2)
+    _, value = step(1.0, jax.numpy.asarray(batch(3)), Packer(SIZE).pack(plans))
+    expected = hj.apply(plans, batch(3)).mean(axis=(1, 2, 3)) + 1
+    assert np.allclose(np.asarray(value), expected, atol=1e-2)
 
 
 def test_a_thousand_random_batches_compile_a_few_programs():

@@ -50,10 +50,10 @@ def check_all_pictures():
 
 
 def check_one_warning(cause: str):
-    with warnings.catch_warnings(record=True) as found:
+    with warnings.catch_warnings(record=True) as result:
         warnings.simplefilter("always")
         check_all_pictures()
-    ours = [warning for warning in found if issubclass(warning.category, HijackWarning)]
+    ours = [warning for warning in result if issubclass(warning.category, HijackWarning)]
     assert len(ours) == 1
     message = str(ours[0].message)
     assert cause in message

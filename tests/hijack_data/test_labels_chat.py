@@ -135,9 +135,9 @@ def talk(answer, **more):
     ],
 )
 def test_the_addressed_messages_follow_and_all_others_stay(declared, before, after):
-    given = copy.deepcopy(before)
+    options = copy.deepcopy(before)
     assert follow({"messages": declared}, messages=before)["messages"] == after
-    assert before == given
+    assert before == options
 
 
 @pytest.mark.parametrize(

@@ -71,10 +71,10 @@ def test_pictures_are_known_by_name_and_shape_in_every_container(main, other):
     for transform in transforms:
         alone = pixels(transform({"image": PIXELS, "id": 1})["image"])
         sample = {"image": CONTAINERS[main](), "prev_image": CONTAINERS[other](), "id": 1}
-        made = transform(sample)
-        assert np.array_equal(pixels(made["image"]), alone)
-        assert np.array_equal(pixels(made["prev_image"]), alone)
-        assert type(made["prev_image"]) is type(sample["prev_image"])
+        result = transform(sample)
+        assert np.array_equal(pixels(result["image"]), alone)
+        assert np.array_equal(pixels(result["prev_image"]), alone)
+        assert type(result["prev_image"]) is type(sample["prev_image"])
         for name, size in (("icon", (32, 32)), ("rgb", SIZE)):
             with pytest.raises(LabelError, match=f"'{name}'.*'picture'.*'mask'|'{name}'.*'leave'"):
                 transform({"image": CONTAINERS[main](), name: CONTAINERS[other](size), "id": 1})
@@ -103,16 +103,16 @@ def test_a_history_follows_the_plan_of_its_sample_alone_in_a_batch_and_in_grain(
         sample = {"image": PIXELS, "history": history(), "id": key}
         with pytest.raises(LabelError, match="'history': 'picture'"):
             tr.Marks()(sample)
-        for made in (
+        for item in (
             tr.Corrupt(spec, seed=3, labels=labels)(sample),
             hg.Corrupt(spec, seed=3, labels=labels).map(sample),
             tr.Corrupt(spec, seed=3)({"image": history(), "id": key}),
         ):
-            for image in made.get("history", made["image"]):
+            for image in item.get("history", item["image"]):
                 assert np.array_equal(pixels(image), alone[key])
     batch = {"image": [PIXELS] * 2, "history": [history(), history()], "id": ["a", "b"]}
-    made = tr.Corrupt(spec, seed=3, labels=labels)(batch)
-    for key, images in zip(("a", "b"), made["history"], strict=True):
+    item = tr.Corrupt(spec, seed=3, labels=labels)(batch)
+    for key, images in zip(("a", "b"), item["history"], strict=True):
         assert all(np.array_equal(pixels(image), alone[key]) for image in images)
 
 
@@ -144,18 +144,18 @@ def test_rows_of_several_pictures_in_datasets_are_the_same_in_batches():
     assert {row["images"][0].size for row in alone} == {(384, 216), (192, 108)}
     for size in (2, 5):
         batched = list(data.map(corrupt, batched=True, batch_size=size))
-        for one, other in zip(alone, batched, strict=True):
-            assert {k: v for k, v in one.items() if k != "images"} == {
-                k: v for k, v in other.items() if k != "images"
+        for value, second in zip(alone, batched, strict=True):
+            assert {k: v for k, v in value.items() if k != "images"} == {
+                k: v for k, v in second.items() if k != "images"
             }
-            pairs = zip(one["images"], other["images"], strict=True)
+            pairs = zip(value["images"], second["images"], strict=True)
             assert all(np.array_equal(np.asarray(a), np.asarray(b)) for a, b in pairs)
     for form in ("numpy", "torch", "jax"):
         rows_of_form = data.with_format(form)
         for i, row in enumerate(rows_of_form):
-            made = corrupt(row)
-            assert np.asarray(made["bbox"]).tolist() == alone[i]["bbox"]
-            assert np.array_equal(pixels(made["images"][0]), np.asarray(alone[i]["images"][0]))
+            result = corrupt(row)
+            assert np.asarray(result["bbox"]).tolist() == alone[i]["bbox"]
+            assert np.array_equal(pixels(result["images"][0]), np.asarray(alone[i]["images"][0]))
 
 
 def test_image_key_names_the_picture_everywhere():
@@ -247,8 +247,8 @@ def test_declarations_must_match_the_sample():
         for transform in (tr.Marks(labels=labels), tr.Resolution(scale=0.5, labels=labels)):
             with pytest.raises(LabelError, match=message):
                 transform(sample)
-    made = half(sample, labels={"ann.bboxes": "xyxy", "click?": "xy", "note.at": "xy"})
-    assert made["ann"] == [{"bboxes": [[0, 1, 15, 20]]}]
+    result = half(sample, labels={"ann.bboxes": "xyxy", "click?": "xy", "note.at": "xy"})
+    assert result["ann"] == [{"bboxes": [[0, 1, 15, 20]]}]
     assert half({**sample, "click": (9, 9)}, labels={"ann.bboxes": "xyxy", "click?": "xy"})[
         "click"
     ] == (4, 4)
@@ -278,15 +278,15 @@ MASKS: dict[str, Any] = {
 @pytest.mark.parametrize("kind", MASKS)
 def test_masks_of_every_container_take_the_value_under_the_centre(kind):
     mask = MASKS[kind]
-    made = half({"image": pil(), "mask": mask}, labels={"mask": "mask"})["mask"]
-    assert type(made) is type(mask)
+    value = half({"image": pil(), "mask": mask}, labels={"mask": "mask"})["mask"]
+    assert type(value) is type(mask)
     if isinstance(mask, Image.Image):
-        assert made.mode == mask.mode
-    assert getattr(made, "dtype", None) == getattr(mask, "dtype", None)
+        assert value.mode == mask.mode
+    assert getattr(value, "dtype", None) == getattr(mask, "dtype", None)
     if kind == "images":
-        assert all(np.array_equal(np.asarray(each), MASK[1::2, 1::2]) for each in made)
+        assert all(np.array_equal(np.asarray(item), MASK[1::2, 1::2]) for item in value)
     elif kind != "none":
-        assert np.array_equal(np.asarray(made), np.asarray(mask)[..., 1::2, 1::2])
+        assert np.array_equal(np.asarray(value), np.asarray(mask)[..., 1::2, 1::2])
     with pytest.raises(LabelError, match="must have one value for each pixel"):
         half({"image": pil(), "m": Image.new("L", (9, 9))}, labels={"m": "mask"})
 
@@ -295,10 +295,10 @@ def test_object_arrays_of_ragged_and_empty_boxes():
     ragged = np.empty(2, object)
     ragged[0] = np.array([[10, 20, 30, 40], [2, 4, 6, 8]])
     ragged[1] = np.array([], object)
-    made = half({"image": PIXELS, "b": ragged}, labels={"b": "xyxy"})["b"]
-    assert made.dtype == object
-    assert made[0].tolist() == [[5, 10, 15, 20], [1, 2, 3, 4]]
-    assert made[1].size == 0
+    value = half({"image": PIXELS, "b": ragged}, labels={"b": "xyxy"})["b"]
+    assert value.dtype == object
+    assert value[0].tolist() == [[5, 10, 15, 20], [1, 2, 3, 4]]
+    assert value[1].size == 0
     empty = np.array([], object)
     assert half({"image": PIXELS, "b": empty}, labels={"b": "xyxy"})["b"].size == 0
 
@@ -393,9 +393,9 @@ def test_a_second_epoch_without_set_epoch_is_said_once():
     passes(silent, epochs=2, count_epochs=True)
     passes(tr.Marks(number=3, mark_size=4), epochs=1)
     assert silent._repeats._flags.tolist() == [1, 0]
-    with pytest.warns(HijackWarning, match=r"set_epoch\(epoch\)") as said:
+    with pytest.warns(HijackWarning, match=r"set_epoch\(epoch\)") as output:
         passes(tr.Marks(number=3, mark_size=4))
-    assert len(said) == 1
+    assert len(output) == 1
 
 
 # The workers are forks of a process with nothing else in it: torch's handler of SIGCHLD raises
@@ -444,12 +444,12 @@ def test_grounding_lines_as_ms_swift_reads_them():
     }
     with pytest.raises(LabelError, match=r"pixels: 'objects\.bbox'\."):
         half(row)
-    made = half(row, labels={"objects.bbox": "xyxy"})
-    assert made["objects"]["bbox"] == [[45.25, 80.0, 67.5, 106.25]]
-    assert (made["images"][0].size, made["messages"]) == ((192, 108), row["messages"])
-    told = {**row, "messages": [*row["messages"], {"role": "assistant", "content": "(90, 160)"}]}
+    result = half(row, labels={"objects.bbox": "xyxy"})
+    assert result["objects"]["bbox"] == [[45.25, 80.0, 67.5, 106.25]]
+    assert (result["images"][0].size, result["messages"]) == ((192, 108), row["messages"])
+    entries = {**row, "messages": [*row["messages"], {"role": "assistant", "content": "(90, 160)"}]}
     with pytest.raises(LabelError, match=r"'messages\.content': 'leave'"):
-        half(told, labels={"objects.bbox": "xyxy"})
+        half(entries, labels={"objects.bbox": "xyxy"})
 
 
 def test_preferences_as_trl_reads_them():
@@ -469,10 +469,10 @@ def test_preferences_as_trl_reads_them():
         assert f"'{path}': 'pyautogui'" in str(caught.value)
     assert "prompt" not in str(caught.value)
     labels = {"chosen.content.text": "pyautogui", "rejected.content.text": "pyautogui"}
-    made = half(row, labels=labels)
-    assert made["chosen"] == turn("assistant", "pyautogui.click(50, 25)")
-    assert made["rejected"] == turn("assistant", "pyautogui.click(150, 10)")
-    assert made["prompt"] == row["prompt"]
+    result = half(row, labels=labels)
+    assert result["chosen"] == turn("assistant", "pyautogui.click(50, 25)")
+    assert result["rejected"] == turn("assistant", "pyautogui.click(150, 10)")
+    assert result["prompt"] == row["prompt"]
     strings = {
         "id": 7,
         "images": [pil()],
@@ -496,9 +496,9 @@ def test_a_grain_pipeline_with_history():
     labels = {"observation.history": "picture"}
     spec = hj.Sequence([HALF, hj.Marks(number=9, mark_size=8)])
     source = grain.MapDataset.source(rows).seed(3).shuffle()
-    made = list(source.map(hg.Corrupt(spec, id_key="uid", labels=labels)))
-    assert sorted(row["action"]["x"] for row in made) == [50, 50, 51, 51]
-    for row in made:
+    items = list(source.map(hg.Corrupt(spec, id_key="uid", labels=labels)))
+    assert sorted(row["action"]["x"] for row in items) == [50, 50, 51, 51]
+    for row in items:
         for image in row["observation"]["history"]:
             assert np.array_equal(image, row["observation"]["image"])
         assert row["language_instruction"] == "(1, 2)"

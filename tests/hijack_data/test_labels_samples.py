@@ -269,12 +269,12 @@ def test_grain_takes_labels():
     hg = pytest.importorskip("hijack_data.grain")
     for corrupt in (hg.Corrupt(HALF, labels=DECLARED), hg.RandomCorrupt(HALF, labels=DECLARED)):
         element = {"image": PIXELS, "id": 1, **copy.deepcopy(SAMPLE)}
-        made = (
+        result = (
             corrupt.map(element)
             if hasattr(corrupt, "map")
             else corrupt.random_map(element, np.random.default_rng(1))
         )
-        check(made)
+        check(result)
     with pytest.raises(LabelError, match="'bbox'"):
         hg.Corrupt(HALF).map({"image": PIXELS, "id": 1, "bbox": [10, 20, 30, 40]})
 
@@ -318,22 +318,22 @@ def test_datasets_map_and_with_transform(tmp_path):
     data = datasets.Dataset.from_list(rows)
     labels = {key: form for key, form in DECLARED.items() if key != "mask"}
     corrupt = tr.Resolution(scale=0.5, labels=labels)
-    wanted = {
+    expected = {
         key: list(value) if isinstance(value, tuple) else value
         for key, value in EXPECTED.items()
         if key != "mask"
     }
     corrupt.set_epoch(0)
-    for made in (data.map(corrupt), data.map(corrupt, batched=True), data.with_transform(corrupt)):
-        assert len(made) == 3
-        for row in made:
+    for item in (data.map(corrupt), data.map(corrupt, batched=True), data.with_transform(corrupt)):
+        assert len(item) == 3
+        for row in item:
             assert row["image"].size == (192, 108)
-            for key, value in wanted.items():
+            for key, value in expected.items():
                 assert row[key] == value, key
     with pytest.raises(LabelError, match="'bbox'"):
         data.map(tr.Resolution(scale=0.5))
-    told = data.map(tr.Resolution(scale=0.5, labels=labels, return_plan="json"))
-    assert hj.Plan.from_json(told[0]["plan"]).out_size == (108, 192)
+    message = data.map(tr.Resolution(scale=0.5, labels=labels, return_plan="json"))
+    assert hj.Plan.from_json(message[0]["plan"]).out_size == (108, 192)
 
 
 def test_tv_tensors_dictionaries_actions_and_code_agree():
@@ -504,17 +504,17 @@ def test_boxes_beside_a_declared_label_follow_too():
     sample = {"objects": {"click": [100, 20], "box": boxes(), "more": [boxes(), "a"]}}
     objects = half(sample, labels={"objects.click": "xy"})["objects"]
     assert objects["click"] == [50, 10]
-    for found in (objects["box"], objects["more"][0]):
-        assert (found.tolist(), found.canvas_size) == ([[50, 10, 65, 20]], (108, 192))
+    for item in (objects["box"], objects["more"][0]):
+        assert (item.tolist(), item.canvas_size) == ([[50, 10, 65, 20]], (108, 192))
     assert sample["objects"]["box"].tolist() == [[100, 20, 130, 40]]
 
 
 def test_the_targets_of_torchvisions_detection_models():
     target = {"boxes": boxes(), "labels": torch.tensor([3]), "image_id": 7}
     labels = {"target.labels": "leave"}
-    made = half({"target": target}, labels=labels)["target"]
-    assert made["boxes"].tolist() == [[50, 10, 65, 20]]
-    assert (made["labels"].tolist(), made["image_id"]) == ([3], 7)
+    value = half({"target": target}, labels=labels)["target"]
+    assert value["boxes"].tolist() == [[50, 10, 65, 20]]
+    assert (value["labels"].tolist(), value["image_id"]) == ([3], 7)
     with pytest.raises(LabelError, match=r"'target\.keypoints'"):
         half({"target": {**target, "keypoints": [[10, 20]]}}, labels=labels)
 
@@ -544,8 +544,8 @@ def test_avoiding_is_never_silently_nothing(entry):
     form = {"box": "xyxy", "action_code": "pyautogui", "action": "openai"}[key]
     with pytest.raises(LabelError, match=f"target of a sample in sight.*'{key}"):
         tr.Marks(label_policy="avoid")(sample)
-    told = tr.Marks(label_policy="avoid", labels={key: form}, return_plan=True)(sample)
-    assert told["target_visible"] == 1.0
+    message = tr.Marks(label_policy="avoid", labels={key: form}, return_plan=True)(sample)
+    assert message["target_visible"] == 1.0
     assert "target_visible" in tr.Marks(target="action_code", return_plan=True)(
         {"image": tensor(), "id": 1, "action_code": "pyautogui.click(100, 20)"}
     )

@@ -28,10 +28,10 @@ def run(*words, code=0, env=None, cwd=ROOT):
     command = [*lean.HIJACK, *map(str, words)]
     kept = {key: value for key, value in os.environ.items() if key != loading.VARIABLE}
     env = {**kept, **(env or {})}
-    done = subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, timeout=300)
-    assert done.returncode == code, (done.returncode, done.stdout, done.stderr)
-    assert "Traceback" not in done.stderr
-    return done
+    process = subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, timeout=300)
+    assert process.returncode == code, (process.returncode, process.stdout, process.stderr)
+    assert "Traceback" not in process.stderr
+    return process
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def fresh(tmp_path, monkeypatch):
 
 def test_every_command_knows_it(tmp_path, screen):
     load = ("--load", write(tmp_path))
-    assert json.loads(run(*load, "list", "--json").stdout)[-1]["name"] == "bar"
+    assert json.loads(run(*load, "list", "--json").stdout)[9]["name"] == "bar"
     assert "Radius in pixels" in run(*load, "show", "bar").stdout
     out = tmp_path / "o.png"
     words = ("apply", screen, "bar", "-o", out, "--set", "half=20", "--json")
@@ -70,12 +70,12 @@ def test_every_command_knows_it(tmp_path, screen):
 
 
 def test_the_variable_lists_several(tmp_path):
-    one = write(tmp_path, "one", name=NAME.format("one"))
+    result = write(tmp_path, "one", name=NAME.format("one"))
     two = write(tmp_path, "two", name=NAME.format("two"))
     three = write(tmp_path, "three", name=NAME.format("three"))
-    env = {loading.VARIABLE: f"{one}{os.pathsep}{os.pathsep}{two}"}
+    env = {loading.VARIABLE: f"{result}{os.pathsep}{os.pathsep}{two}"}
     rows = json.loads(run("--load", three, "list", "--json", env=env).stdout)
-    assert {row["name"] for row in rows[9:]} == {"one", "two", "three"}
+    assert {row["name"] for row in rows[9:12]} == {"one", "two", "three"}
     assert run("show", "two", env=env).stdout.startswith("two  (two-v1; plug-in)")
 
 
@@ -85,7 +85,9 @@ def test_the_same_file_twice_is_fine(tmp_path):
     link.symlink_to(file)
     env = {loading.VARIABLE: os.path.relpath(file, ROOT)}
     words = ("--load", file, "--load", link, "--load", file, "list", "--json")
-    assert len(json.loads(run(*words, env=env).stdout)) == 10
+    assert len(json.loads(run(*words, env=env).stdout)) == 9 + 1 + len(
+        hj.corruption_names("everyday")
+    )
     assert "FAIL" not in run("--load", file, "check", file, env=env).stdout
 
 
@@ -98,15 +100,15 @@ def test_a_path_may_be_relative(tmp_path):
 
 
 def test_two_files_with_one_name_are_an_error(tmp_path):
-    one, two = write(tmp_path, "one"), write(tmp_path, "two")
-    said = run("--load", one, "--load", two, "list", code=2).stderr
-    assert f"{two}: cannot be imported (line " in said
-    assert f"'bar' is taken by {one}; choose another name" in said
-    said = run("--load", two, "list", code=2, env={loading.VARIABLE: str(one)}).stderr
-    assert f"'bar' is taken by {one}" in said
+    result, two = write(tmp_path, "one"), write(tmp_path, "two")
+    output = run("--load", result, "--load", two, "list", code=2).stderr
+    assert f"{two}: cannot be imported (line " in output
+    assert f"'bar' is taken by {result}; choose another name" in output
+    output = run("--load", two, "list", code=2, env={loading.VARIABLE: str(result)}).stderr
+    assert f"'bar' is taken by {result}" in output
     marks = write(tmp_path, "marks", name=NAME.format("marks"))
-    said = run("--load", marks, "list", code=2).stderr
-    assert "'marks' is taken by hijack_data.corruptions.marks" in said
+    output = run("--load", marks, "list", code=2).stderr
+    assert "'marks' is taken by hijack_data.corruptions.marks" in output
 
 
 @pytest.mark.parametrize(
@@ -123,9 +125,9 @@ def test_a_file_that_cannot_be_loaded_is_an_error(tmp_path, text, reason):
     file = tmp_path / "bad.py"
     file.write_text(text)
     assert f"error: {file}: {reason}" in run("--load", file, "list", code=2).stderr
-    said = run("list", code=2, env={loading.VARIABLE: str(file)}).stderr
-    assert f"error: {file}: {reason}" in said
-    assert "(listed in AGENTHIJACK_LOAD)" in said
+    output = run("list", code=2, env={loading.VARIABLE: str(file)}).stderr
+    assert f"error: {file}: {reason}" in output
+    assert "(listed in AGENTHIJACK_LOAD)" in output
 
 
 def test_what_is_no_file_is_an_error(tmp_path):
@@ -134,8 +136,8 @@ def test_what_is_no_file_is_an_error(tmp_path):
     for name in ("missing.py", "folder.py", "bar.txt"):
         assert f"{name}: not a Python file" in run("--load", tmp_path / name, "list", code=2).stderr
     (tmp_path / "a:b").mkdir()
-    said = run("--load", write(tmp_path / "a:b"), "list", code=2).stderr
-    assert "its path holds ':'" in said
+    output = run("--load", write(tmp_path / "a:b"), "list", code=2).stderr
+    assert "its path holds ':'" in output
 
 
 def test_a_file_that_fails_leaves_nothing_behind(fresh):
@@ -199,14 +201,14 @@ SCENE = hj.Scene((540, 960))
 def plan_elsewhere(spec, **env):
     """The digest in a process that knows nothing of the file but what the pickle says."""
     kept = {key: value for key, value in os.environ.items() if key != loading.VARIABLE}
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", CHILD],
         input=pickle.dumps((spec, SCENE)),
         capture_output=True,
         env={**kept, "PYTHONPATH": str(ROOT), **env},
         timeout=60,
     )
-    return done.stdout.decode().strip() or done.stderr.decode().splitlines()[-1]
+    return process.stdout.decode().strip() or process.stderr.decode().splitlines()[-1]
 
 
 def test_corruptions_of_a_file_can_be_sent_to_other_processes(fresh):
@@ -226,9 +228,9 @@ def test_another_process_needs_the_same_file(fresh):
     sha256 = loading.load_file(file).sha256
     spec = hj.make_corruption("bar")
     write(fresh, code="x = 5")
-    said = plan_elsewhere(spec)
-    assert f"{file}: another file" in said
-    assert sha256[:12] in said
+    output = plan_elsewhere(spec)
+    assert f"{file}: another file" in output
+    assert sha256[:12] in output
     file.unlink()
     assert f"{file}: not a Python file that can be read" in plan_elsewhere(spec)
 
@@ -237,12 +239,12 @@ def test_processes_that_are_started_know_it(fresh):
     file = write(fresh)
     loading.load_file(os.path.relpath(file))
     assert os.environ[loading.VARIABLE] == str(file)
-    code = "import hijack_data as hj; print(hj.corruption_names()[-1])"
+    code = "import hijack_data as hj; print(hj.corruption_names()[9])"
     env = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, "-c", code]
     for folder in (ROOT, "/"):
-        done = subprocess.run(command, capture_output=True, text=True, env=env, cwd=folder)
-        assert done.stdout == "bar\n", done.stderr
+        process = subprocess.run(command, capture_output=True, text=True, env=env, cwd=folder)
+        assert process.stdout == "bar\n", process.stderr
 
 
 def test_doctor_lists_it(tmp_path):

@@ -64,11 +64,11 @@ def test_a_lock_excludes_others_until_its_process_is_killed(holder):
 def test_a_lock_excludes_its_own_process_until_it_is_released(tmp_path):
     path = tmp_path / "file"
     path.write_text("content")
-    with lock(path) as held:
+    with lock(path) as result:
         with pytest.raises(LockedError, match="another process"):
             lock(path)
         assert path.read_text() == "content"
-    held.release()
+    result.release()
     again = lock(path)
     again.sign()
     with pytest.raises(LockedError, match=f"process {os.getpid()} on "):

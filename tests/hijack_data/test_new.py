@@ -12,15 +12,15 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def run(folder, *words, code=0):
     command = [*lean.HIJACK, *words]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=300)
-    assert done.returncode == code, (done.stdout, done.stderr)
-    assert "Traceback" not in done.stderr
-    return done.stdout + done.stderr
+    process = subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=300)
+    assert process.returncode == code, (process.stdout, process.stderr)
+    assert "Traceback" not in process.stderr
+    return process.stdout + process.stderr
 
 
 def test_what_it_writes_passes(tmp_path):
-    said = run(tmp_path, "new", "corruption", "dust_band")
-    assert "hijack check dust_band.py" in said
+    output = run(tmp_path, "new", "corruption", "dust_band")
+    assert "hijack check dust_band.py" in output
     assert "class DustBand(Corruption):" in (tmp_path / "dust_band.py").read_text()
     checked = run(tmp_path, "check", "dust_band.py")
     assert "FAIL" not in checked

@@ -125,9 +125,9 @@ def test_a_missing_field_is_named():
 
 def test_a_drawing_that_would_differ_is_refused(noise):
     text = sealed()
-    made = Plan.from_json(text)
+    result = Plan.from_json(text)
     drifted = Plan(
-        made.corruption, made.size, made.params, (Paste(MARK, ((3, 3),), "0123456789abcdef"),)
+        result.corruption, result.size, result.params, (Paste(MARK, ((3, 3),), "0123456789abcdef"),)
     )
     with pytest.raises(PlanError, match="draws differently here"):
         hj.apply(drifted, noise[:100, :200])

@@ -89,14 +89,14 @@ def test_a_corruption_declares_the_effects_of_its_plans(name):
 def test_a_batch_call_takes_it():
     batch = np.full((4, *SIZE, 3), 240, np.uint8)
     mixed = hj.OneOf([Rarely(Dots()), hj.Marks(number=3, mark_size=9)])
-    found = mixed(batch, ids=range(4), seed=1, steps=[0, 1, 10, 11])
-    kinds = [plan.corruption for plan in found.plans]
+    result = mixed(batch, ids=range(4), seed=1, steps=[0, 1, 10, 11])
+    kinds = [plan.corruption for plan in result.plans]
     assert kinds == [
         mixed.plan(hj.Scene(SIZE), seed=1, sample=key, step=step).corruption
         for key, step in enumerate([0, 1, 10, 11])
     ]
     assert set(kinds) == {"marks-v1", "clean"}
-    assert found.image[kinds.index("clean")].min() == 240
+    assert result.image[kinds.index("clean")].min() == 240
 
 
 def test_others_take_it():

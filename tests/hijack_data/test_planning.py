@@ -151,9 +151,9 @@ def test_a_fingerprint_is_fixed_when_a_plan_is_written_down_or_pickled():
     assert copy.deepcopy(plan) == plan == Plan.from_json(plan.to_json())
     assert Paste(op.sprite, op.at, "") == op
     assert Paste(op.sprite, op.at, "0" * 16) != op
-    other = Plan(plan.corruption, plan.size, plan.params, (Paste(op.sprite, op.at, "0" * 16),))
+    second = Plan(plan.corruption, plan.size, plan.params, (Paste(op.sprite, op.at, "0" * 16),))
     with pytest.raises(hj.HijackError, match="draws differently here"):
-        hj.apply(other, picture((1080, 1920)))
+        hj.apply(second, picture((1080, 1920)))
 
 
 def test_a_part_of_a_sprite_has_the_fingerprint_of_the_whole():
@@ -229,11 +229,11 @@ def test_safety_is_that_of_whole_masks(data):
     changed = (
         int((before != after).any(-1).sum()) if after.shape == before.shape else after[..., 0].size
     )
-    found = hj.judge(plan, before, after, target=boxes[0], boxes=boxes)
+    result = hj.judge(plan, before, after, target=boxes[0], boxes=boxes)
     assert safety.visible_share(plan, boxes) == pytest.approx(expected, abs=1e-12)
-    assert found.target_visible == pytest.approx(expected[0], abs=1e-12)
-    assert found.covered == tuple(i for i, share in enumerate(expected) if share < 0.5)
-    assert found.changed_pixels == changed == safety.changed_pixels(before, after)
+    assert result.target_visible == pytest.approx(expected[0], abs=1e-12)
+    assert result.covered == tuple(i for i, share in enumerate(expected) if share < 0.5)
+    assert result.changed_pixels == changed == safety.changed_pixels(before, after)
     planar = [
         np.ascontiguousarray(a.transpose(2, 0, 1)).transpose(1, 2, 0) for a in (before, after)
     ]
@@ -311,9 +311,9 @@ def test_copies_keep_the_memory_format(layout):
     assert torch.equal(image, before)
     if layout != "expanded":  # which has no memory format to keep
         assert out.stride() == torch.empty_like(image).stride()
-    for plan, one, result in zip(plans, image, out, strict=True):
+    for plan, value, result in zip(plans, image, out, strict=True):
         assert np.array_equal(
-            result.permute(1, 2, 0).numpy(), reference(plan, one.permute(1, 2, 0).numpy())
+            result.permute(1, 2, 0).numpy(), reference(plan, value.permute(1, 2, 0).numpy())
         )
 
 

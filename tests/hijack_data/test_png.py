@@ -18,11 +18,11 @@ def test_pillow_reads_the_same_pixels(monkeypatch, size, isal):
     else:
         monkeypatch.setitem(sys.modules, "isal", None)
     image = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
-    with Image.open(io.BytesIO(png.encode(image))) as shown:
-        shown.verify()
-    with Image.open(io.BytesIO(png.encode(image))) as shown:
-        assert shown.mode == "RGB"
-        assert np.array_equal(np.array(shown), image)
+    with Image.open(io.BytesIO(png.encode(image))) as result:
+        result.verify()
+    with Image.open(io.BytesIO(png.encode(image))) as result:
+        assert result.mode == "RGB"
+        assert np.array_equal(np.array(result), image)
 
 
 def test_rows_from_the_middle_are_filtered_as_in_the_whole_picture():

@@ -79,12 +79,12 @@ def test_a_thing_without_a_name_gets_one_from_its_decorator(tools):
 def test_the_same_thing_again_is_fine_and_another_names_both(tools):
     tools.add(Tool)
     tools.add(Tool)
-    other = type("Other", (Tool,), {"__module__": "elsewhere"})
+    second = type("Other", (Tool,), {"__module__": "elsewhere"})
     with pytest.raises(ParameterError) as caught:
-        tools.add(other)
-    said = str(caught.value)
-    assert said.startswith("cannot register Other of elsewhere: 'saw' is taken by ")
-    assert __file__ in said
+        tools.add(second)
+    output = str(caught.value)
+    assert output.startswith("cannot register Other of elsewhere: 'saw' is taken by ")
+    assert __file__ in output
 
 
 def test_a_class_of_a_users_file(tools):

@@ -32,14 +32,14 @@ def test_same_key_same_words(seed, sample, step, epoch):
 
 def test_every_part_of_the_key_matters():
     base = (1, "marks-v1", "x", 2, 3)
-    others = [
+    remaining = [
         (2, *base[1:]),
         (1, "marks-v2", "x", 2, 3),
         (1, "marks-v1", "y", 2, 3),
         (*base[:3], 3, 3),
         (*base[:4], 4),
     ]
-    assert len({tuple(words(*key)) for key in [base, *others]}) == 6
+    assert len({tuple(words(*key)) for key in [base, *remaining]}) == 6
 
 
 def test_step_and_epoch_do_not_run_into_each_other():
@@ -98,11 +98,11 @@ def test_wrong_types(key):
 def test_integers_are_those_drawn_one_by_one(ranges, count, sample):
     """Ranges of 2**62 reject every fourth word: the rest of the stream moves up, and what follows
     is the same, too."""
-    one, many = Stream(3, "a-v1", sample), Stream(3, "a-v1", sample)
+    stream, many = Stream(3, "a-v1", sample), Stream(3, "a-v1", sample)
     for _ in range(2):
-        expected = [[one.integer(*pair) for pair in ranges] for _ in range(count)]
+        expected = [[stream.integer(*pair) for pair in ranges] for _ in range(count)]
         assert many.integers(ranges, count).tolist() == expected
-    assert one.word() == many.word()
+    assert stream.word() == many.word()
 
 
 def test_an_empty_range_among_integers_is_refused():

@@ -94,10 +94,10 @@ def test_few_and_many_stamps_hide_the_same(layers):
     at = tuple((int(x), int(y)) for x, y in rng.integers(-20, 190, (layers, 2)))
     plan = Plan("test-v1", SIZE, ops=(Paste(png_recipe(rgba), at),))
     boxes = [[x, y, x + 40, y + 30] for x in range(0, 160, 11) for y in range(0, 70, 7)]
-    shown = np.zeros((300, 300), bool)
+    result = np.zeros((300, 300), bool)
     for x, y in at:
-        shown[y + 50 : y + 70, x + 50 : x + 80] |= rgba[..., 3] >= 128
-    expected = [1 - shown[50:150, 50:250][y1:y2, x1:x2].mean() for x1, y1, x2, y2 in boxes]
+        result[y + 50 : y + 70, x + 50 : x + 80] |= rgba[..., 3] >= 128
+    expected = [1 - result[50:150, 50:250][y1:y2, x1:x2].mean() for x1, y1, x2, y2 in boxes]
     assert visible_share(plan, boxes) == pytest.approx(expected, abs=1e-12)
     assert min(expected) < 1
 

@@ -90,12 +90,12 @@ def run(transform, key, **more):
 def test_id_seed_epoch_and_step_decide():
     base = run(tr.Marks(seed=3), "a")
     assert torch.equal(base, run(tr.Marks(seed=3), "a", epoch=0, step=0))
-    for other in (
+    for second in (
         run(tr.Marks(seed=4), "a"),
         run(tr.Marks(seed=3), "b"),
         run(tr.Marks(seed=3), "a", epoch=1),
     ):
-        assert not torch.equal(base, other)
+        assert not torch.equal(base, second)
     assert not torch.equal(base, run(tr.Marks(seed=3), "a", step=5))
     for same in (np.int64(7), torch.tensor(7), "7"):
         assert torch.equal(run(tr.Marks(seed=3), 7), run(tr.Marks(seed=3), same))
@@ -123,7 +123,7 @@ def test_set_epoch_and_pictures_alone():
 def test_kinds_of_pictures(kind):
     image, pixels = tensor(), picture(SIZE)
     pixels.setflags(write=False)
-    made = {
+    result = {
         "pil": lambda: Image.fromarray(pixels),
         "tensor": lambda: image,
         "tv": lambda: tv_tensors.Image(image),
@@ -135,11 +135,11 @@ def test_kinds_of_pictures(kind):
     }[kind]()
     transform = tr.OneOf(some(), seed=3)
     if kind == "tuple":
-        out, label = transform(made, {"id": "x"})
+        out, label = transform(result, {"id": "x"})
         assert label == {"id": "x"}
     else:
-        out = transform({"image": made, "id": "x"})["image"]
-    assert type(out) is type(made)
+        out = transform({"image": result, "id": "x"})["image"]
+    assert type(out) is type(result)
     array = (
         np.asarray(out) if kind in ("pil", "numpy", "read_only") else out.permute(1, 2, 0).numpy()
     )
@@ -200,11 +200,11 @@ def test_targets_and_elements_as_bounding_boxes():
         tr.PopUps(seed=3, width=200, height=120, return_plan=True),
         tr.Resolution(return_plan=True),
     ):
-        one, two = transform(plain), transform(typed)
-        assert one["plan"] == two["plan"]
-        assert one["target_visible"] == two["target_visible"]
+        result, two = transform(plain), transform(typed)
+        assert result["plan"] == two["plan"]
+        assert result["target_visible"] == two["target_visible"]
     assert two["target"].tolist() == [[5, 10, 20, 20]]
-    assert one["target"] == (5, 10, 25, 30)
+    assert result["target"] == (5, 10, 25, 30)
 
 
 def test_batches_get_a_plan_for_each_picture():
@@ -215,9 +215,9 @@ def test_batches_get_a_plan_for_each_picture():
     assert isinstance(out["image"], torch.Tensor)
     assert len(out["target_visible"]) == 6
     for i, key in enumerate(ids):
-        one = transform({"image": batch[i], "id": key, "target": (9, 9), "epoch": 1})
-        assert torch.equal(one["image"], out["image"][i])
-        assert one["plan"] == out["plan"][i]
+        result = transform({"image": batch[i], "id": key, "target": (9, 9), "epoch": 1})
+        assert torch.equal(result["image"], out["image"][i])
+        assert result["plan"] == out["plan"][i]
     as_list = transform(
         {
             "image": [Image.fromarray(picture(SIZE))] * 6,
@@ -257,8 +257,8 @@ def test_batches_whose_sizes_change():
 
 def test_replay():
     sample = {"image": tensor(), "id": "a"}
-    made = tr.OneOf(some(), seed=3, return_plan=True)(sample)
-    plan = made["plan"]
+    result = tr.OneOf(some(), seed=3, return_plan=True)(sample)
+    plan = result["plan"]
     for replay, extra in (
         (tr.Replay(plan), {}),
         (tr.Replay(plan.to_json()), {}),
@@ -267,8 +267,8 @@ def test_replay():
         (tr.Replay(), {"plan": plan}),
         (tr.Replay(), {"plan": plan.to_json()}),
     ):
-        assert torch.equal(replay({**sample, **extra})["image"], made["image"])
-    assert torch.equal(tr.Replay(plan)(tensor()), made["image"])
+        assert torch.equal(replay({**sample, **extra})["image"], result["image"])
+    assert torch.equal(tr.Replay(plan)(tensor()), result["image"])
     with pytest.raises(ParameterError, match="no plan for the sample 'b'"):
         tr.Replay({"a": plan})({**sample, "id": "b"})
     with pytest.raises(ParameterError, match="'plan' entry, but there is none"):
@@ -295,11 +295,11 @@ def test_combinators_and_configurations():
         "corruptions": [{"marks": {"number": 4, "mark_size": 5}}, {"subtitle": {"font_size": 10}}],
         "seed": 11,
     }
-    found = {
+    names = {
         tr.FromConfig(config, return_plan=True)({**sample, "id": i})["plan"].corruption
         for i in range(12)
     }
-    assert found == {"marks-v1", "subtitle-v2"}
+    assert names == {"marks-v1", "subtitle-v2"}
     only = tr.FromConfig(config, label="marks", return_plan=True)
     assert only.settings.seed == 11
     assert {only({**sample, "id": i})["plan"].corruption for i in range(5)} == {"marks-v1"}

@@ -26,12 +26,12 @@ def tensor(shift=0):
 
 def test_label_policy_avoid():
     sample = {"image": tensor(), "target": (150, 80, 230, 140)}
-    seen = {"keep": [], "avoid": []}
-    for policy, shares in seen.items():
+    entries = {"keep": [], "avoid": []}
+    for policy, shares in entries.items():
         transform = tr.Marks(seed=3, number=12, return_plan=True, label_policy=policy)
         shares += [transform({**sample, "id": i})["target_visible"] for i in range(20)]
-    assert min(seen["keep"]) < 1.0
-    assert min(seen["avoid"]) == 1.0
+    assert min(entries["keep"]) < 1.0
+    assert min(entries["avoid"]) == 1.0
 
 
 DRAG = {"action": hj.Action("drag", 190, 110, 40, 50)}
@@ -47,8 +47,8 @@ DRAG_CODE = {
 )
 def test_a_drag_is_judged_at_both_ends(more):
     sample, end = ({"image": tensor(), "target": (190, 110), **more}, (40, 50))
-    seen = {"keep": [], "avoid": []}
-    for policy, shares in seen.items():
+    entries = {"keep": [], "avoid": []}
+    for policy, shares in entries.items():
         transform = tr.Marks(seed=3, number=12, mark_size=30, return_plan=True, label_policy=policy)
         for i in range(20):
             out = transform({**sample, "id": i})
@@ -66,8 +66,8 @@ def test_a_drag_is_judged_at_both_ends(more):
                     )
                     or Plan.clean(SIZE)
                 )
-    assert min(seen["keep"]) < 1.0
-    assert min(seen["avoid"]) == 1.0
+    assert min(entries["keep"]) < 1.0
+    assert min(entries["avoid"]) == 1.0
 
 
 def test_only_a_drag_with_a_target_has_an_end():
@@ -86,8 +86,11 @@ def test_only_a_drag_with_a_target_has_an_end():
                 transform = tr.Marks(
                     seed=3, number=12, mark_size=30, return_plan=True, label_policy=policy
                 )
-                one, two = transform(sample), transform({**sample, **more})
-                assert (one["plan"], one["target_visible"]) == (two["plan"], two["target_visible"])
+                result, two = transform(sample), transform({**sample, **more})
+                assert (result["plan"], result["target_visible"]) == (
+                    two["plan"],
+                    two["target_visible"],
+                )
 
 
 @pytest.mark.parametrize(
@@ -140,10 +143,10 @@ def canvases(size):
 def test_labels_of_a_picture_of_another_size_are_refused(transform, number):
     image = tv_tensors.Image(torch.zeros(3, 60, 80, dtype=torch.uint8))
     transform({"image": image, "id": 1, "label": canvases((60, 80))[number]})
-    other = canvases((30, 40))[number]
-    said = rf"a {type(other).__name__} belongs to a picture of 40x30 pixels, and .* has 80x60"
-    with pytest.raises(LabelError, match=said):
-        transform({"image": image, "id": 1, "label": other})
+    canvase = canvases((30, 40))[number]
+    output = rf"a {type(canvase).__name__} belongs to a picture of 40x30 pixels, and .* has 80x60"
+    with pytest.raises(LabelError, match=output):
+        transform({"image": image, "id": 1, "label": canvase})
 
 
 @pytest.mark.parametrize("seed", [-1, 2**64, True, 7.0])

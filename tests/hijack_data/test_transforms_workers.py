@@ -43,11 +43,11 @@ def augmentation():
 
 def seen(transform=None, **options):
     """What a loader yields: `{id: (plan, picture)}` as digests."""
-    found = {}
+    entries = {}
     for batch in DataLoader(Rows(transform or augmentation()), batch_size=3, **options):
         for key, plan, image in zip(batch["id"], batch["plan"], batch["image"], strict=True):
-            found[key] = plan.digest(), hashlib.sha256(image.numpy()).hexdigest()
-    return found
+            entries[key] = plan.digest(), hashlib.sha256(image.numpy()).hexdigest()
+    return entries
 
 
 @pytest.fixture(scope="module")

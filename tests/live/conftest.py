@@ -37,14 +37,14 @@ def up(embedded_machine: None) -> Iterator[Callable[..., Any]]:
     """`EmbeddedDesktop.up`, whose desktops are closed after the test."""
     from online_env.embedded.desktop import EmbeddedDesktop
 
-    made: list[EmbeddedDesktop] = []
+    items: list[EmbeddedDesktop] = []
 
     def start(**options: Any) -> EmbeddedDesktop:
-        made.append(EmbeddedDesktop.up(**options))
-        return made[-1]
+        items.append(EmbeddedDesktop.up(**options))
+        return items[-1]
 
     yield start
-    for desktop in made:
+    for desktop in items:
         desktop.close()
 
 
@@ -60,18 +60,18 @@ def embedded_desktop(embedded_machine: None) -> Iterator[Any]:
 def _traces(prefix: str) -> dict[str, set[str]]:
     """What on this machine belongs to desktops whose name starts with `prefix`, by kind; others may
     run beside them."""
-    found = {
+    entries = {
         "mounts": {
             line for line in Path("/proc/self/mounts").read_text().splitlines() if prefix in line
         }
     }
-    found["namespaces"] = {p.name for p in network.NETNS.glob(f"ah-{prefix}*")}
-    found["folders"] = {p.name for p in registry.RUN.glob(f"{prefix}*")}
-    found["groups"] = {str(p) for p in Path("/sys/fs/cgroup").glob(f"**/agenthijack-{prefix}*")}
-    found["processes"] = {
+    entries["namespaces"] = {p.name for p in network.NETNS.glob(f"ah-{prefix}*")}
+    entries["folders"] = {p.name for p in registry.RUN.glob(f"{prefix}*")}
+    entries["groups"] = {str(p) for p in Path("/sys/fs/cgroup").glob(f"**/agenthijack-{prefix}*")}
+    entries["processes"] = {
         text for text in _command_lines() if f'"{prefix}' in text or f"/{prefix}" in text
     }
-    return found
+    return entries
 
 
 def _command_lines() -> Iterator[str]:

@@ -51,9 +51,9 @@ def run(embedded_machine, tmp_path_factory):
         key = folder.parent / "run.key"
         subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", key], check=True)
         signed = ["--sign", key]
-    done = hijack(*SMALL, "--out", folder, *signed)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return folder, done.stdout
+    result = hijack(*SMALL, "--out", folder, *signed)
+    assert result.returncode == 0, result.stdout + result.stderr
+    return folder, result.stdout
 
 
 def test_the_oracle_succeeds_clean_and_doing_nothing_never_does(run):
@@ -69,12 +69,12 @@ def test_the_oracle_succeeds_clean_and_doing_nothing_never_does(run):
 
 def test_every_record_proves_its_corruption(run):
     folder, _ = run
-    wanted = {"app_minimization": ("minimise", 3), "verification": ("lock", -1)}
+    expected = {"app_minimization": ("minimise", 3), "verification": ("lock", -1)}
     for record in read(folder):
         assert (record["status"], record["problem"]) == ("ok", ""), record
-        found = [(e["record"]["effect"], e["step"]) for e in record["effects"]]
-        kind = wanted.get(record["corruption"])
-        assert found == ([kind] if kind else []), record["id"]
+        values = [(e["record"]["effect"], e["step"]) for e in record["effects"]]
+        kind = expected.get(record["corruption"])
+        assert values == ([kind] if kind else []), record["id"]
         for effect in record["effects"]:
             assert effect["record"]["probes"][0]["ok"]
             assert effect["record"]["undone"][-1]["ok"]
@@ -121,13 +121,13 @@ def test_it_prints_a_line_for_each_and_the_table(run):
 def test_a_gate_that_fails_is_an_exit_code_and_a_failure(run):
     folder, _ = run
     path = folder.parent / "junit.xml"
-    done = hijack("gate", folder, "--fail-under", "oracle:success=1", "--junit", path)
-    assert done.returncode == 0, done.stderr
+    result = hijack("gate", folder, "--fail-under", "oracle:success=1", "--junit", path)
+    assert result.returncode == 0, result.stderr
     root = ElementTree.parse(path).getroot()
     assert [root.get(key) for key in ("tests", "failures", "errors")] == ["9", "0", "0"]
-    done = hijack("gate", folder, "--fail-under", "worst=0.5", "--junit", path)
-    assert done.returncode == 1
-    assert "gate failed: worst of do_nothing is 0.000, below 0.5" in done.stderr
+    result = hijack("gate", folder, "--fail-under", "worst=0.5", "--junit", path)
+    assert result.returncode == 1
+    assert "gate failed: worst of do_nothing is 0.000, below 0.5" in result.stderr
     assert ElementTree.parse(path).getroot().get("failures") == "2"
     assert len(read(folder)) == 8
     assert not (folder / "sessions.jsonl").exists(), "a gate goes on with no run"
@@ -135,11 +135,11 @@ def test_a_gate_that_fails_is_an_exit_code_and_a_failure(run):
 
 def test_it_is_whole_and_signed(run):
     folder, _ = run
-    asked = ["--key", folder.parent / "run.key.pub"] if (folder / "seal.json").exists() else []
-    done = hijack("verify", folder, *asked)
-    assert done.returncode == 0, done.stdout
-    assert "8 episodes" in done.stdout
-    assert ("signed by SHA256:" in done.stdout) == bool(asked)
+    requests = ["--key", folder.parent / "run.key.pub"] if (folder / "seal.json").exists() else []
+    result = hijack("verify", folder, *requests)
+    assert result.returncode == 0, result.stdout
+    assert "8 episodes" in result.stdout
+    assert ("signed by SHA256:" in result.stdout) == bool(requests)
     refused = hijack("bench", "embedded_small", "--out", folder, "--resume")
     assert (refused.returncode, "is another run: " in refused.stderr) == (2, True)
 
@@ -159,8 +159,8 @@ def test_ctrl_c_keeps_what_is_done_and_leaves_no_desktop(embedded_machine, tmp_p
     ]
     process = subprocess.Popen(argv, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        there = folder / "records.jsonl"
-        until(lambda: process.poll() is not None or (there.exists() and read(folder)), "a record")
+        value = folder / "records.jsonl"
+        until(lambda: process.poll() is not None or (value.exists() and read(folder)), "a record")
         assert process.poll() is None, process.communicate()
         os.kill(process.pid, signal.SIGINT)
         _, error = process.communicate(timeout=120)

@@ -55,14 +55,14 @@ def records(embedded_machine: None, tmp_path_factory: pytest.TempPathFactory):
     run = folder / "run"
     words = ["embedded_small", "--tasks", folder, "--agent", f"{agent}:Ends"]
     words += ["--corruptions", "clean,network_error", "--desktops", 2]
-    done = subprocess.run(
+    process = subprocess.run(
         [*HIJACK, "bench", *map(str, words), "--out", str(run)],
         capture_output=True,
         text=True,
         timeout=600,
         check=False,
     )
-    assert (run / "records.jsonl").exists(), done.stderr[-2000:]
+    assert (run / "records.jsonl").exists(), process.stderr[-2000:]
     lines = (run / "records.jsonl").read_text().splitlines()
     return [json.loads(line) for line in lines]
 
@@ -75,15 +75,15 @@ def of(records: list[dict[str, Any]], task: str) -> list[dict[str, Any]]:
     ("task", "score"), [("t-infeasible", 1.0), ("t-unsolved", 0.0), ("t-solved", 1.0)]
 )
 def test_osworlds_evaluator_judges_each_condition(records, task, score) -> None:
-    found = {record["corruption"]: record for record in of(records, task)}
-    assert set(found) == {"clean", "network_error"}
-    assert {record["status"] for record in found.values()} == {"ok"}
-    assert {record["score"] for record in found.values()} == {score}
-    assert found["network_error"]["effects"][0]["record"]["probes"][0]["ok"] is True
+    entries = {record["corruption"]: record for record in of(records, task)}
+    assert set(entries) == {"clean", "network_error"}
+    assert {record["status"] for record in entries.values()} == {"ok"}
+    assert {record["score"] for record in entries.values()} == {score}
+    assert entries["network_error"]["effects"][0]["record"]["probes"][0]["ok"] is True
 
 
 def test_a_setup_that_fails_is_invalid_and_no_zero(records) -> None:
-    found = of(records, "t-broken")
-    assert {record["status"] for record in found} == {"invalid"}
-    assert {record["score"] for record in found} == {None}
-    assert all("OSWorld's setup of t-broken failed" in record["problem"] for record in found)
+    result = of(records, "t-broken")
+    assert {record["status"] for record in result} == {"invalid"}
+    assert {record["score"] for record in result} == {None}
+    assert all("OSWorld's setup of t-broken failed" in record["problem"] for record in result)

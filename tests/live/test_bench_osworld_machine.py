@@ -57,14 +57,14 @@ def test_one_task_under_all_nine(machine: tuple[str, str], tmp_path: Path) -> No
     config.write_text("desktop: {provider: osworld, size: [1280, 720]}\nmax_steps: 15\n")
     run = tmp_path / "run"
     words = [config, "--vm", address, "--reset-command", reset, "--tasks", tmp_path / "tasks"]
-    done = subprocess.run(
+    process = subprocess.run(
         [*HIJACK, "bench", *words, "--agent", f"{agent}:WaitsThenFails", "--out", run],
         capture_output=True,
         text=True,
         timeout=900,
         check=False,
     )
-    assert done.returncode == 0, f"{done.stdout[-3000:]}\n{done.stderr[-2000:]}"
+    assert process.returncode == 0, f"{process.stdout[-3000:]}\n{process.stderr[-2000:]}"
     records = [json.loads(line) for line in (run / "records.jsonl").read_text().splitlines()]
     ended = {record["corruption"]: record for record in records}  # the last attempt counts
     assert len(ended) == 10

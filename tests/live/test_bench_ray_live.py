@@ -22,14 +22,14 @@ MARK = "AGENTHIJACK_TEST_RAY"
 
 def marked(value):
     """The processes that have the mark in their environment."""
-    found = []
+    items = []
     for process in Path("/proc").glob("[0-9]*"):
         try:
             if f"{MARK}={value}".encode() in (process / "environ").read_bytes().split(b"\0"):
-                found.append((process / "cmdline").read_bytes())
+                items.append((process / "cmdline").read_bytes())
         except OSError:
             continue
-    return found
+    return items
 
 
 def test_the_command_of_clusters_md(embedded_machine, tmp_path, monkeypatch):

@@ -327,8 +327,8 @@ def test_an_agent_of_a_user_is_run_reported_and_verified(
         *("--corruptions", "clean,pop_ups,network_error,verification"),
         *("--desktops", "1", "--out", str(folder)),
     ]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
+    process = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert process.returncode == 0, process.stdout + process.stderr
     records = [json.loads(line) for line in (folder / "records.jsonl").read_text().splitlines()]
     by_corruption: dict[str, Any] = {
         record["corruption"]: record for record in records if record["agent"] == "oracle"

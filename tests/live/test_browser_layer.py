@@ -237,14 +237,14 @@ def test_a_run_has_the_same_plans_on_both_layers_is_verified_and_built(tmp_path:
 
 
 def hijack(*words: object) -> str:
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "hijack_data.cli", *map(str, words)],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    assert process.returncode == 0, process.stdout + process.stderr
+    return process.stdout
 
 
 def test_gymnasium_takes_the_layer() -> None:

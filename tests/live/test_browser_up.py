@@ -157,11 +157,11 @@ def test_a_client_gets_nodes_in_every_page_and_leaves_nothing_when_it_vanishes(u
         wait_for(lambda: "OK" in client.names(session))
         assert client.evaluate(session, "document.cookie + localStorage.a") == "a=bb"
         client.close()
-        other, cookies = connect_after_restart(address)
+        second, cookies = connect_after_restart(address)
         assert cookies == []
-        session = other.open(url)
-        wait_for(lambda: "OK" in other.names(session))
-        other.close()
+        session = second.open(url)
+        wait_for(lambda: "OK" in second.names(session))
+        second.close()
 
 
 def test_playwright_drives_it(url: str) -> None:
@@ -232,8 +232,8 @@ def test_mistakes_are_named(words: list[str], problem: str) -> None:
     needs.chromium()
     command = [sys.executable, "-m", "hijack_data.cli", "browser", "up", *words]
     environment = {key: value for key, value in os.environ.items() if "DISPLAY" not in key}
-    done = subprocess.run(
+    process = subprocess.run(
         command, capture_output=True, text=True, check=False, env=environment, timeout=60
     )
-    assert done.returncode == 2
-    assert problem in done.stderr
+    assert process.returncode == 2
+    assert problem in process.stderr

@@ -56,7 +56,7 @@ def pages() -> Iterator[str]:
 
 @pytest.fixture
 def make(pages: str) -> Iterator[Any]:
-    made: list[Any] = []
+    items: list[Any] = []
 
     def make(corruption: Any, task: str = "click-button", **options: Any) -> Any:
         settings = {"base_url": options.pop("base_url", pages)}
@@ -72,11 +72,11 @@ def make(pages: str) -> Iterator[Any]:
             ).to_python_code,
             disable_env_checker=True,
         )
-        made.append(corrupt(env, corruption, **options))
-        return made[-1]
+        items.append(corrupt(env, corruption, **options))
+        return items[-1]
 
     yield make
-    for env in made:
+    for env in items:
         env.close()
 
 
@@ -136,7 +136,7 @@ def test_a_page_in_front_is_in_every_part_of_the_observation_and_goes_away(
     names = {read(node, "name") for node in observation["axtree_object"]["nodes"]}
     assert name not in names
     assert pixels_differ(observation, clean) > 10_000
-    assert not any(each == name for each in observation["dom_object"]["strings"]), (
+    assert not any(string == name for string in observation["dom_object"]["strings"]), (
         "the DOM is that of the page behind"
     )
     observation, reward, terminated, _, _ = env.step("noop(10)")  # the validator does not end it

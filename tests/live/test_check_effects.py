@@ -85,22 +85,22 @@ class Folder:
         self.path = path
 
     def execute(self, argv, timeout=60):
-        done = subprocess.run(
+        process = subprocess.run(
             argv, capture_output=True, text=True, cwd=self.path, timeout=timeout, check=False
         )
-        return RunResult("success", done.stdout, done.stderr, done.returncode)
+        return RunResult("success", process.stdout, process.stderr, process.returncode)
 
 
 @pytest.fixture
 def fresh(tmp_path):
     """Starts folders as desktops."""
-    made = []
+    items = []
 
     @contextlib.contextmanager
     def start():
-        path = tmp_path / f"desktop{len(made)}"
+        path = tmp_path / f"desktop{len(items)}"
         path.mkdir()
-        made.append(path)
+        items.append(path)
         yield Folder(path)
 
     return start
@@ -120,8 +120,8 @@ def registered(monkeypatch):
 
 
 def problems(start, params):
-    found = [conformance.run_declared("note"), *conformance.run_live("note", params, start)]
-    return {result.check: result.problem for result in found if not result.ok}
+    items = [conformance.run_declared("note"), *conformance.run_live("note", params, start)]
+    return {result.check: result.problem for result in items if not result.ok}
 
 
 def test_a_good_effect_passes_every_check(registered, fresh):
@@ -134,11 +134,11 @@ def test_each_lie_is_found(lie, registered, fresh):
     good, bad = LIES[lie]
     assert good in PLUGIN
     registered(PLUGIN.replace(good, bad))
-    found = problems(fresh, {"text": "hello"})
-    assert lie in found, found
-    assert found[lie]
+    result = problems(fresh, {"text": "hello"})
+    assert lie in result, result
+    assert result[lie]
     if lie == "sabotage":
-        assert "must look at the machine itself" in found[lie]
+        assert "must look at the machine itself" in result[lie]
 
 
 def test_what_an_effect_keeps_in_itself_is_found(registered, fresh):
@@ -149,9 +149,9 @@ def test_what_an_effect_keeps_in_itself_is_found(registered, fresh):
 
 def test_what_it_raises_is_a_problem_not_a_crash(registered, fresh):
     registered(PLUGIN)
-    found = problems(fresh, {})
-    assert found["apply_and_probe"] == "KeyError: 'text'"
-    assert "see above" in found["sabotage"]
+    result = problems(fresh, {})
+    assert result["apply_and_probe"] == "KeyError: 'text'"
+    assert "see above" in result["sabotage"]
     registered(PLUGIN.replace("note-of-a-plug-in", "no/such/folder"))
     assert "apply_and_probe" in problems(fresh, {"text": "x"})
 
@@ -190,10 +190,11 @@ def test_without_a_desktop_it_says_what_was_not_checked(registered, monkeypatch)
         raise DesktopError("root: you are not; sudo hijack")
 
     monkeypatch.setattr(checking, "starter", none)
-    declared, said = checking.check("note", {}, with_desktop=True)
+    declared, output = checking.check("note", {}, with_desktop=True)
     assert declared.ok
     assert (
-        said == "apply, probe and undo: no desktop on this machine: root: you are not; sudo hijack"
+        output
+        == "apply, probe and undo: no desktop on this machine: root: you are not; sudo hijack"
     )
 
 
@@ -206,16 +207,16 @@ def check(tmp_path: Path, text: str, *words: str):
 
 
 def test_the_command_without_a_desktop(tmp_path):
-    done = check(tmp_path, PLUGIN, "--no-desktop")
-    assert done.returncode == 0, done.stderr
-    assert "effect note Leaves a note in the user's home." in done.stdout
-    assert "not checked: apply, probe and undo" in done.stdout
-    done = check(tmp_path, PLUGIN.replace('"files"', '"teleport"'), "--no-desktop")
-    assert done.returncode == 1
-    assert "needs names teleport" in done.stdout
-    done = check(tmp_path, "import online_env.effects")
-    assert done.returncode == 2
-    assert "registers nothing" in done.stderr
+    result = check(tmp_path, PLUGIN, "--no-desktop")
+    assert result.returncode == 0, result.stderr
+    assert "effect note Leaves a note in the user's home." in result.stdout
+    assert "not checked: apply, probe and undo" in result.stdout
+    result = check(tmp_path, PLUGIN.replace('"files"', '"teleport"'), "--no-desktop")
+    assert result.returncode == 1
+    assert "needs names teleport" in result.stdout
+    result = check(tmp_path, "import online_env.effects")
+    assert result.returncode == 2
+    assert "registers nothing" in result.stderr
 
 
 def test_the_command_under_python_o(tmp_path):
@@ -223,15 +224,15 @@ def test_the_command_under_python_o(tmp_path):
     file = tmp_path / "plugin.py"
     file.write_text(PLUGIN.replace('"files"', '"teleport"'))
     argv = [sys.executable, "-O", "-m", "hijack_data.cli", "check", str(file), "--no-desktop"]
-    done = subprocess.run(argv, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 1, done.stderr
-    assert "needs names teleport" in done.stdout
+    process = subprocess.run(argv, capture_output=True, text=True, timeout=300, check=False)
+    assert process.returncode == 1, process.stderr
+    assert "needs names teleport" in process.stdout
 
 
 def test_the_command_on_a_real_desktop(tmp_path, embedded_machine):
-    done = check(tmp_path, PLUGIN + CORRUPTION)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "noted-v1" in done.stdout
+    result = check(tmp_path, PLUGIN + CORRUPTION)
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "noted-v1" in result.stdout
     for name in (
         "undo_without_apply",
         "apply_and_probe",
@@ -240,8 +241,8 @@ def test_the_command_on_a_real_desktop(tmp_path, embedded_machine):
         "undo",
         "sabotage",
     ):
-        assert f"ok   {name}: " in done.stdout
-    done = check(tmp_path, PLUGIN.replace(*LIES["sabotage"]) + CORRUPTION)
-    assert done.returncode == 1
-    assert "FAIL sabotage: " in done.stdout
-    assert "the probe believes the record" in done.stdout
+        assert f"ok   {name}: " in result.stdout
+    result = check(tmp_path, PLUGIN.replace(*LIES["sabotage"]) + CORRUPTION)
+    assert result.returncode == 1
+    assert "FAIL sabotage: " in result.stdout
+    assert "the probe believes the record" in result.stdout

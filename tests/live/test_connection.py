@@ -62,8 +62,8 @@ class Posts(Handler):
 @pytest.mark.parametrize("method", ["GET", "POST"])
 def test_a_server_that_is_being_started_again_is_waited_for(method, monkeypatch):
     """It comes while the connection pauses after a refusal, the fifth one."""
-    with socket.create_server(("127.0.0.1", 0)) as other:
-        port = other.getsockname()[1]
+    with socket.create_server(("127.0.0.1", 0)) as second:
+        port = second.getsockname()[1]
     started, pauses = [], []
 
     def pause(seconds):
@@ -170,8 +170,8 @@ def guest_that(answers):
 
     class Guest(Handler):
         def do_GET(self):
-            found = answers[self.path]
-            status, headers, body = found.pop(0) if len(found) > 1 else found[0]
+            answer = answers[self.path]
+            status, headers, body = answer.pop(0) if len(answer) > 1 else answer[0]
             self.send_response(status)
             for name, value in headers.items():
                 self.send_header(name, value)
@@ -187,7 +187,7 @@ def desktop_of():
     servers = []
 
     def make(**answers):
-        handler = guest_that({f"/ah/{name}": found for name, found in answers.items()})
+        handler = guest_that({f"/ah/{name}": value for name, value in answers.items()})
         servers.append(ThreadingHTTPServer(("127.0.0.1", 0), handler))
         threading.Thread(target=servers[-1].serve_forever).start()
         return HttpDesktop(f"http://127.0.0.1:{servers[-1].server_port}", timeout=5)

@@ -100,23 +100,23 @@ def test_it_is_a_desktop_without_a_firewall(desktop):
     "name", [name for name in hj.corruption_names()[:9] if name != "network_error"]
 )
 def test_the_others_are_applied_proved_and_undone(desktop, name):
-    done = corrupt_desktop(desktop, hj.make_corruption(name), seed=3)
-    assert done.ok, done.saw
-    for record in reversed(done.records):
+    result = corrupt_desktop(desktop, hj.make_corruption(name), seed=3)
+    assert result.ok, result.saw
+    for record in reversed(result.records):
         assert resume(record, desktop).undo().ok
     if name == "accidental_touch":  # who knows what it opened
         desktop.reset()
 
 
 def test_root_inside_neither_ends_it_nor_learns_the_token(desktop):
-    said = desktop.execute(
+    output = desktop.execute(
         "echo password | sudo -S sh -c 'id -u; kill -9 1; cat /proc/1/environ /proc/1/mem'"
     )
-    assert said.output == "0\n"
-    assert SECRET.split()[0] not in said.output + said.error
-    found = desktop.execute("ls /usr/local/lib/desktop-server; env")
-    assert "Permission denied" in found.error
-    assert SECRET.replace(" ", "-") not in found.output
+    assert output.output == "0\n"
+    assert SECRET.split()[0] not in output.output + output.error
+    result = desktop.execute("ls /usr/local/lib/desktop-server; env")
+    assert "Permission denied" in result.error
+    assert SECRET.replace(" ", "-") not in result.output
 
 
 def test_a_reset_is_pristine_or_refused(desktop):

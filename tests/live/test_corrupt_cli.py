@@ -29,8 +29,8 @@ def desktop(embedded_machine):
     """A desktop with an editor, under a name of its own."""
     from online_env.embedded.desktop import EmbeddedDesktop
 
-    with EmbeddedDesktop.up(name=f"tc{os.getpid()}", apps=("editor",)) as made:
-        yield made
+    with EmbeddedDesktop.up(name=f"tc{os.getpid()}", apps=("editor",)) as result:
+        yield result
 
 
 @pytest.fixture
@@ -72,16 +72,16 @@ def recorded(desktop):
 
 def test_a_corruption_of_the_picture_is_saved_and_leaves_the_machine(desktop, corrupt, tmp_path):
     before = shown(desktop)
-    done = corrupt("resolution")
-    assert done.returncode == 0, done.stderr
-    assert "960x540 of the screen's 1920x1080" in done.stdout
+    result = corrupt("resolution")
+    assert result.returncode == 0, result.stderr
+    assert "960x540 of the screen's 1920x1080" in result.stdout
     assert load_image(tmp_path / "resolution.png")[0].shape == (540, 960, 3)
-    said = json.loads(
+    output = json.loads(
         corrupt("marks", "--set", "number=3", "--seed", 5, "-o", "m.png", "--json").stdout
     )
-    assert (said["ok"], said["effects"], said["picture"]) == (True, [], "m.png")
+    assert (output["ok"], output["effects"], output["picture"]) == (True, [], "m.png")
     scene = hj.Scene(desktop.size)
-    assert said["digest"] == hj.Marks(number=3).plan(scene, seed=5, sample="by hand").digest()
+    assert output["digest"] == hj.Marks(number=3).plan(scene, seed=5, sample="by hand").digest()
     assert (np.all(load_image(tmp_path / "m.png")[0] == (255, 0, 0), -1)).sum() > 100
     assert (shown(desktop), recorded(desktop)) == (before, [])
     refused = corrupt("--undo", "marks")
@@ -90,13 +90,13 @@ def test_a_corruption_of_the_picture_is_saved_and_leaves_the_machine(desktop, co
 
 def test_windows_vanish_and_come_back_from_another_process(desktop, corrupt, tmp_path):
     before = shown(desktop)
-    done = corrupt("app_minimization", "-o", "seen.png")
-    assert done.returncode == 0, done.stderr
+    result = corrupt("app_minimization", "-o", "seen.png")
+    assert result.returncode == 0, result.stderr
     assert (
         f"app_minimization on {desktop.id}: no window is on the screen, {len(before)} went to the"
-        " panel" in done.stdout
+        " panel" in result.stdout
     )
-    assert f"hijack desktop corrupt --undo app_minimization --on {desktop.id}" in done.stdout
+    assert f"hijack desktop corrupt --undo app_minimization --on {desktop.id}" in result.stdout
     assert load_image(tmp_path / "seen.png")[0].shape == (1080, 1920, 3)
     assert (shown(desktop), recorded(desktop)) == ([], ["app_minimization"])
     undone = corrupt("--undo")
@@ -155,22 +155,22 @@ def test_a_probe_that_is_false_is_exit_code_1(desktop, corrupt):
     inside = ["nsenter", f"--net={desktop.namespace}", "nft"]
     subprocess.run([*inside, table], check=True)
     try:
-        done = corrupt("network_error")
+        result = corrupt("network_error")
     finally:
         subprocess.run([*inside, "delete table inet other"], check=True)
-    assert done.returncode == 1, done.stdout + done.stderr
-    assert "the probe is FALSE: " in done.stdout
-    assert "already down before" in done.stdout
+    assert result.returncode == 1, result.stdout + result.stderr
+    assert "the probe is FALSE: " in result.stdout
+    assert "already down before" in result.stdout
     assert corrupt("--undo").returncode == 0
 
 
 def test_a_click_may_come_again_and_cannot_be_taken_back(desktop, corrupt):
     for seed in (1, 2):
         with_editor(desktop)  # the first click closes it
-        done = corrupt("accidental_touch", "--seed", seed)
-        assert done.returncode == 0, done.stdout + done.stderr
-        assert "the click reached the " in done.stdout
-        assert "take it back" not in done.stdout
+        result = corrupt("accidental_touch", "--seed", seed)
+        assert result.returncode == 0, result.stdout + result.stderr
+        assert "the click reached the " in result.stdout
+        assert "take it back" not in result.stdout
         desktop.run("pyautogui.press('esc')")
         wait(
             lambda: (
@@ -188,16 +188,16 @@ def test_a_click_may_come_again_and_cannot_be_taken_back(desktop, corrupt):
 def test_undo_of_what_nobody_recorded(desktop, corrupt):
     nothing = corrupt("--undo")
     assert (nothing.returncode, "nothing was applied" in nothing.stderr) == (2, True)
-    for name, said in {
+    for name, output in {
         "verification": "it is not locked",
         "network_error": "our rules are gone",
         "app_minimization": "0 windows are back",
         "multi_apps": "nothing is known",
     }.items():
-        done = corrupt("--undo", name)
-        assert done.returncode == 0, done.stdout + done.stderr
-        assert "no record of" in done.stdout
-        assert said in done.stdout
+        value = corrupt("--undo", name)
+        assert value.returncode == 0, value.stdout + value.stderr
+        assert "no record of" in value.stdout
+        assert output in value.stdout
 
 
 def test_a_lost_record_is_no_obstacle(desktop, corrupt):
@@ -232,14 +232,14 @@ def test_a_locker_that_crashed_is_told_of(desktop, corrupt):
     ],
 )
 def test_bad_usage(words, said, corrupt):
-    done = corrupt(*words)
-    assert (done.returncode, "Traceback" in done.stderr) == (2, False)
-    assert said in done.stderr
+    result = corrupt(*words)
+    assert (result.returncode, "Traceback" in result.stderr) == (2, False)
+    assert said in result.stderr
 
 
 def test_an_unknown_desktop(corrupt):
-    done = corrupt("marks", on="nowhere")
-    assert (done.returncode, "there are: " in done.stderr) == (2, True)
+    result = corrupt("marks", on="nowhere")
+    assert (result.returncode, "there are: " in result.stderr) == (2, True)
 
 
 # Without a desktop

@@ -57,10 +57,10 @@ class Answers:
 def test_the_exit_code_of_a_command_is_passed_on(returncode, status, shell, code, monkeypatch):
     answer = RunResult(status, "out\n", "", returncode)
     monkeypatch.setattr(running, "attach", lambda name: Answers(answer))
-    done = CliRunner().invoke(
+    result = CliRunner().invoke(
         desktop_commands.desktop, ["run", "x", *(["--shell"] if shell else [])]
     )
-    assert (done.exit_code, done.output) == (code, "out\n")
+    assert (result.exit_code, result.output) == (code, "out\n")
 
 
 def test_which_desktop_is_asked_in_words_of_a_shell(monkeypatch):
@@ -117,11 +117,11 @@ def installing(monkeypatch, tmp_path):
 
 
 def test_installing_asks_sudo_for_what_needs_root_and_for_nothing_else(installing, monkeypatch):
-    done = CliRunner().invoke(
+    result = CliRunner().invoke(
         desktop_commands.desktop, ["install", "--host"], catch_exceptions=False
     )
-    assert done.exit_code == 0
-    assert "installing 1 packages with apt-get through sudo: xvfb" in done.output
+    assert result.exit_code == 0
+    assert "installing 1 packages with apt-get through sudo: xvfb" in result.output
     assert [command[:4] for command in installing.commands] == [
         ["/usr/bin/sudo", "env", "DEBIAN_FRONTEND=noninteractive", "apt-get"]
     ] * 2

@@ -153,8 +153,8 @@ def test_the_tree_is_well_formed_and_never_old(desktop: Any) -> None:
 
 
 def test_code_is_run(desktop: Any) -> None:
-    done = desktop.run("print(6 * 7, 'é', type(time).__name__)")
-    assert (done.ok, done.output.strip()) == (True, "42 é module")
+    result = desktop.run("print(6 * 7, 'é', type(time).__name__)")
+    assert (result.ok, result.output.strip()) == (True, "42 é module")
     failed = desktop.run("1 / 0")
     assert not failed.ok
     assert failed.returncode == 1
@@ -164,14 +164,14 @@ def test_code_is_run(desktop: Any) -> None:
 def test_commands_are_run_as_the_user(desktop: Any) -> None:
     odd = """a "b" 'c' {d} \\n $HOME é"""
     assert desktop.execute(["printf", "%s", odd]).output == odd
-    done = desktop.execute("id -un; pwd; echo err >&2; exit 3")
-    assert (done.status, done.output, done.error, done.returncode) == (
+    result = desktop.execute("id -un; pwd; echo err >&2; exit 3")
+    assert (result.status, result.output, result.error, result.returncode) == (
         "success",
         f"user\n{HOME}\n",
         "err\n",
         3,
     )
-    assert not done.ok
+    assert not result.ok
     assert desktop.execute(["true"]).ok
 
 

@@ -17,8 +17,8 @@ printf '\\001\\002\\003' > shown.bin
 @pytest.fixture(scope="module")
 def files(embedded_desktop):
     """A desktop with a picture, a document, an archive and a file of no known type in /tmp."""
-    made = embedded_desktop.execute(FILES)
-    assert made.ok, made.error
+    result = embedded_desktop.execute(FILES)
+    assert result.ok, result.error
     return embedded_desktop
 
 
@@ -50,9 +50,9 @@ def test_a_shortcut_shows_the_desktop_and_the_windows_again(files, keys):
     def mode() -> str:
         return files.execute("wmctrl -m").output.rpartition("mode: ")[2].strip()
 
-    for wanted in ("ON", "OFF"):
+    for expected in ("ON", "OFF"):
         assert files.run(f"pyautogui.hotkey(*{keys})").ok
-        until(lambda: mode() == wanted)  # noqa: B023 - looked at before the next turn
+        until(lambda: mode() == expected)  # noqa: B023 - looked at before the next turn
 
 
 @pytest.mark.parametrize(

@@ -59,10 +59,10 @@ def bench(folder: Path, agents: str, corruptions: str) -> subprocess.CompletedPr
 def test_it_gets_the_address_and_the_record_says_so(tmp_path: Path) -> None:
     agent = tmp_path / "mine.py"
     agent.write_text(AGENT)
-    done = bench(tmp_path / "run", f"{agent}:Mine,do_nothing", "clean,app_minimization")
-    assert done.returncode == 0, done.stdout + done.stderr
+    result = bench(tmp_path / "run", f"{agent}:Mine,do_nothing", "clean,app_minimization")
+    assert result.returncode == 0, result.stdout + result.stderr
     lines = (tmp_path / "run" / "records.jsonl").read_text().splitlines()
-    records = {(each["agent"], each["corruption"]): each for each in map(json.loads, lines)}
+    records = {(item["agent"], item["corruption"]): item for item in map(json.loads, lines)}
     assert len(records) == 4
     for (name, corruption), record in records.items():
         assert record["status"] == "ok", record["problem"]
@@ -82,6 +82,6 @@ def test_it_gets_the_address_and_the_record_says_so(tmp_path: Path) -> None:
 def test_a_corruption_of_pictures_that_it_would_not_see_is_refused(tmp_path: Path) -> None:
     agent = tmp_path / "mine.py"
     agent.write_text(AGENT)
-    done = bench(tmp_path / "run", f"{agent}:Mine", "pop_ups")
-    assert done.returncode == 2
-    assert "pop_ups is in the pictures that the runner gives" in done.stderr
+    result = bench(tmp_path / "run", f"{agent}:Mine", "pop_ups")
+    assert result.returncode == 2
+    assert "pop_ups is in the pictures that the runner gives" in result.stderr

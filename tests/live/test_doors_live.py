@@ -51,10 +51,10 @@ def test_an_agent_a_task_and_a_corruption_of_files(embedded_machine, tmp_path):
     command = [sys.executable, "-m", "hijack_data.cli", "--load", QUIET, "bench", "embedded_small"]
     chosen = ["--agent", f"{tmp_path}/agent.py:Mine", "--tasks", f"{tmp_path}/task.py:SayHello"]
     words = [*chosen, "--corruptions", "clean,quiet_hours", "--out", tmp_path / "run"]
-    done = subprocess.run(
+    process = subprocess.run(
         [str(word) for word in [*command, *words]], capture_output=True, text=True, timeout=400
     )
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert process.returncode == 0, process.stdout + process.stderr
     lines = (tmp_path / "run" / "records.jsonl").read_text().splitlines()
     records = {record["corruption"]: record for record in map(json.loads, lines)}
     clean, quiet = records["clean"], records["quiet_hours"]  # whichever ended first

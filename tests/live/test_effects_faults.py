@@ -38,9 +38,9 @@ def controller():
         code = CONTROLLER.format(way=way)
         process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
         started.append(process)
-        found = json.loads(process.stdout.readline())
-        assert [ok for ok, _ in found] == [True, True]
-        return process, [record for _, record in found]
+        data = json.loads(process.stdout.readline())
+        assert [ok for ok, _ in data] == [True, True]
+        return process, [record for _, record in data]
 
     yield start
     for process in started:
@@ -50,15 +50,15 @@ def controller():
 
 
 def hijack(*arguments):
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "hijack_data.cli", "desktop", *arguments],
         capture_output=True,
         text=True,
         timeout=90,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    assert process.returncode == 0, process.stderr
+    return process.stdout
 
 
 def test_killed_controller_takes_its_desktop_with_it(leaves_nothing, controller, up):

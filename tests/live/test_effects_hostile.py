@@ -84,11 +84,11 @@ def test_effects_are_done_and_proved_whatever_lies_in_the_home(poisoned, server)
     poisoned.execute(["rm", "-f", "/tmp/pth-ran"])
     before = boxes(poisoned)
     for kind in ("minimise", "firewall", "lock"):
-        done = perform(Effect(kind), guest)
-        found, undone = done.probe(), done.undo()
-        assert found.ok, (kind, found)
+        result = perform(Effect(kind), guest)
+        value, undone = result.probe(), result.undo()
+        assert value.ok, (kind, value)
         assert undone.ok, (kind, undone)
-        assert not done.probe().ok, f"{kind}: the probe is true though it was undone"
+        assert not result.probe().ok, f"{kind}: the probe is true though it was undone"
         assert undone.facts.get("by", "password") == "password"
     assert boxes(poisoned) == before
     assert not poisoned.execute(["test", "-e", "/tmp/pth-ran"]).ok, "the user's Python took part"
@@ -128,15 +128,15 @@ def test_a_locker_that_hangs_fails_the_effect_and_is_no_lack(desktop, monkeypatc
 
 def test_a_locker_that_the_agent_stops_goes_on(desktop):
     assert desktop.execute("pkill -STOP -f '[m]ate-screensaver --no-daemon'").ok
-    with applied(Effect("lock"), desktop) as done:
-        assert done.probe().ok
+    with applied(Effect("lock"), desktop) as result:
+        assert result.probe().ok
 
 
 def around(desktop, name):
     """How a window fills the screen or not, and what has the focus."""
-    found = next(w for w in windows(desktop) if name in w["class"].lower())
-    return found["frame"], sorted(
-        {"fullscreen", "maximized_horz", "maximized_vert"} & set(found["states"])
+    result = next(w for w in windows(desktop) if name in w["class"].lower())
+    return result["frame"], sorted(
+        {"fullscreen", "maximized_horz", "maximized_vert"} & set(result["states"])
     )
 
 
@@ -153,11 +153,11 @@ def test_a_window_that_fills_the_screen_is_tiled_and_fills_it_again(desktop, nam
     still(desktop.screenshot)
     before, picture = around(desktop, name), desktop.screenshot()
     try:
-        done = perform(OTHER, desktop)
-        found = done.probe()
-        assert found.ok, found
+        result = perform(OTHER, desktop)
+        value = result.probe()
+        assert value.ok, value
         assert around(desktop, name)[1] == []
-        assert done.undo().ok
+        assert result.undo().ok
         assert around(desktop, name) == before
         # Chromium's own hint "To exit full screen" has gone meanwhile.
         wait(lambda: np.mean(desktop.screenshot() == picture) > 0.97)
@@ -174,8 +174,8 @@ def test_the_focus_goes_back_to_a_dialog(desktop):
     wait(lambda: "modal" in active(desktop).get("states", ()))
     dialog = active(desktop)["id"]
     try:
-        with applied(OTHER, desktop) as done:
-            assert done.probe().ok
+        with applied(OTHER, desktop) as result:
+            assert result.probe().ok
             assert active(desktop)["id"] != dialog
         time.sleep(0.3)  # the window manager may think of another one
         assert active(desktop)["id"] == dialog

@@ -100,13 +100,13 @@ def test_plug_in_effect(own_kind):
         def undo(self, guest, record):
             return Undone(True)
 
-    done = perform(Effect("beep", {"times": 2}), desktop())
-    assert done.probe() == Probe(True, {"times": 2})
-    assert done.undo().ok
-    again = resume(json.loads(json.dumps(done.record)), desktop())
+    result = perform(Effect("beep", {"times": 2}), desktop())
+    assert result.probe() == Probe(True, {"times": 2})
+    assert result.undo().ok
+    again = resume(json.loads(json.dumps(result.record)), desktop())
     assert again.probe().ok
     assert [len(again.record["probes"]), len(again.record["undone"])] == [2, 1]
-    assert len(done.record["probes"]) == 1, "the record that was read must not change"
+    assert len(result.record["probes"]) == 1, "the record that was read must not change"
 
 
 @pytest.mark.parametrize(
@@ -119,12 +119,12 @@ def test_a_guest_that_was_taken_over_writes_nothing_into_the_rules_that_root_set
         scripts.append(script)
         return RunResult("success", "", "", 0)
 
-    found = {"interfaces": ["eth0"], "hosts": ["192.0.2.1", host], "reached": []}
-    guest = SimpleNamespace(capabilities=CAPABILITIES, network_root=root, tool=lambda *_: found)
+    entries = {"interfaces": ["eth0"], "hosts": ["192.0.2.1", host], "reached": []}
+    guest = SimpleNamespace(capabilities=CAPABILITIES, network_root=root, tool=lambda *_: entries)
     with pytest.raises(EffectError, match="the guest names a controlling host that is no address"):
         perform(Effect("firewall"), guest)
     assert scripts == ["nft list tables"]
-    found["hosts"].pop()
+    entries["hosts"].pop()
     assert perform(Effect("firewall"), guest).record["did"]["hosts"] == ["192.0.2.1"]
 
 
@@ -170,9 +170,9 @@ def test_an_application_that_could_not_be_started_ends_no_session(answer, proble
 def test_a_guest_that_cannot_be_asked_does_not_count_as_one_that_lacks_something(kind):
     busy = desktop(RunResult("error", "", "Command timed out after 60 seconds"))
     busy.tool = lambda *_: {"windows": [], "active": 0, "area": [0, 0, 100, 100]}
-    with pytest.raises(DesktopError, match="did not run in the guest: Command timed") as found:
+    with pytest.raises(DesktopError, match="did not run in the guest: Command timed") as result:
         perform(Effect(kind, {"app": "vscode"}), busy)
-    assert not isinstance(found.value, MissingCapabilityError)
+    assert not isinstance(result.value, MissingCapabilityError)
 
 
 def test_incomplete_and_taken_kinds_are_refused(own_kind):
@@ -261,11 +261,11 @@ def test_tools_run_apart_from_all_that_is_the_users(tmp_path):
     hostile = dict.fromkeys(names, str(tmp_path))
     hostile["DISPLAY"] = ":7"
     command = isolated(LOOK, "state", "{}")
-    done = subprocess.run(
+    process = subprocess.run(
         command, env=hostile, cwd=tmp_path, capture_output=True, text=True, check=True
     )
-    alone, program, folder, variables, given, module = json.loads(done.stdout)
-    assert (alone, folder, given) == (1, "/", ["state", "{}"])
+    alone, program, folder, variables, options, module = json.loads(process.stdout)
+    assert (alone, folder, options) == (1, "/", ["state", "{}"])
     assert program.startswith("/usr/bin/")
     assert {"DISPLAY", "HOME", "PATH", "XAUTHORITY"} <= set(variables)
     assert not [name for name in variables if name.startswith(("PYTHON", "LD_"))]
@@ -322,9 +322,9 @@ def test_rules_count_what_they_drop_and_go_without_a_trace(tool):
     {{ {free}
     }} || exit 10
     {listing}"""
-    done = in_namespace(script)
-    assert done.returncode == 0, done.stderr
-    _, counted, left = done.stdout.split("@")
+    result = in_namespace(script)
+    assert result.returncode == 0, result.stderr
+    _, counted, left = result.stdout.split("@")
     assert firewall_rules.dropped(counted) == 1, (
         "only what is for neither loopback nor the host is dropped"
     )
@@ -386,9 +386,9 @@ def test_reach_tells_what_answers():
         port = open_port.getsockname()[1]
         answering = threading.Thread(target=lambda: open_port.accept()[0].close(), daemon=True)
         answering.start()
-        found = nettool.reach([{"kind": "tcp", "host": "127.0.0.1", "port": port}], 20)["reached"]
+        reached = nettool.reach([{"kind": "tcp", "host": "127.0.0.1", "port": port}], 20)["reached"]
         answering.join()  # while it accepts, the port is open, whoever closes it
-        assert (found[0]["ok"], found[0]["address"]) == (True, "127.0.0.1")
+        assert (reached[0]["ok"], reached[0]["address"]) == (True, "127.0.0.1")
     closed = nettool.reach([{"kind": "tcp", "host": "127.0.0.1", "port": port}], 20)["reached"][0]
     assert not closed["ok"]
     assert "refused" in closed["error"]
@@ -421,10 +421,10 @@ def test_elements_keep_what_acts():
     panel = (
         f'<application name="xfce4-panel">{node("push-button", "Menu", 130, acts)}</application>'
     )
-    found = live_elements(tree(browser, silent, panel), (100, 200))
-    names = [(element.app, element.name) for element in found]
+    result = live_elements(tree(browser, silent, panel), (100, 200))
+    names = [(element.app, element.name) for element in result]
     assert names == [("Google Chrome", "Go"), ("mousepad", "body"), ("xfce4-panel", "Menu")]
-    assert found[0].centre == (20, 10)
+    assert result[0].centre == (20, 10)
 
 
 def test_windows_that_cannot_be_read_are_an_error_and_not_none(monkeypatch):
@@ -442,8 +442,8 @@ def window(
     name: str, kind: str, frame: list[int], states: list[str] | None = None
 ) -> dict[str, Any]:
     """Return a window as `xtool state` describes it."""
-    found = {"id": id(frame), "class": f"{name}.{name.title()}", "type": kind, "frame": frame}
-    return {**found, "mapped": True, "states": states or [], "for": 0}
+    entries = {"id": id(frame), "class": f"{name}.{name.title()}", "type": kind, "frame": frame}
+    return {**entries, "mapped": True, "states": states or [], "for": 0}
 
 
 PANEL = window("xfce4-panel", "dock", [0, 80, 200, 100])
@@ -530,10 +530,10 @@ def test_draw_prefers_the_plan_then_the_stream():
         "<application"
         f' name="a">{"".join(node("link", str(i), 25 * i) for i in range(6))}</application>'
     )
-    found = live_elements(xml, (100, 200))
-    assert draw_element(found, [(0, 0, 3, 3), (52, 6, 72, 16)], Stream(1, "t")).name == "2"
+    result = live_elements(xml, (100, 200))
+    assert draw_element(result, [(0, 0, 3, 3), (52, 6, 72, 16)], Stream(1, "t")).name == "2"
     assert draw_element([], [(52, 6, 72, 16)], Stream(1, "t")) is None
-    drawn = {draw_element(found, [], Stream(seed, "t")).name for seed in range(40)}
+    drawn = {draw_element(result, [], Stream(seed, "t")).name for seed in range(40)}
     assert drawn == {str(i) for i in range(6)}
 
 
@@ -544,13 +544,13 @@ def test_misplaced_allows_for_what_cannot_be_smaller():
         "box": [961, 24, 1919, 1042],
         "least": [0, 0],
     }
-    asked = [960, 0, 1920, 1043]
-    assert _misplaced(window, asked) == []
-    assert _misplaced({**window, "frame": [900, 0, 1860, 1043]}, asked)
+    requests = [960, 0, 1920, 1043]
+    assert _misplaced(window, requests) == []
+    assert _misplaced({**window, "frame": [900, 0, 1860, 1043]}, requests)
     wide = {**window, "frame": [960, 0, 2100, 1043], "box": [961, 24, 2099, 1042]}
-    assert _misplaced(wide, asked)
-    assert not _misplaced({**wide, "least": [1138, 0]}, asked)
-    assert _misplaced(None, asked) == ["the window beside it is gone"]
+    assert _misplaced(wide, requests)
+    assert not _misplaced({**wide, "least": [1138, 0]}, requests)
+    assert _misplaced(None, requests) == ["the window beside it is gone"]
 
 
 def test_a_window_behind_its_modal_dialog_is_not_touched():

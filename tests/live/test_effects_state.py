@@ -32,19 +32,19 @@ def test_firewall_cuts_the_sites_and_nothing_else(desktop):
     desktop.execute("(python3 -m http.server 5999 --bind 127.0.0.1 >/dev/null 2>&1 &)")
     wait(lambda: reach(desktop, "127.0.0.1", 5999))
     before = rules(desktop)
-    done = perform(Effect("firewall", {"allow": []}), desktop)
-    found = done.probe()
-    assert found.ok, found
-    assert {target["kind"] for target in found.facts["before"]} == {"tcp", "dns"}
-    assert found.facts["dropped"] >= 2
+    result = perform(Effect("firewall", {"allow": []}), desktop)
+    value = result.probe()
+    assert value.ok, value
+    assert {target["kind"] for target in value.facts["before"]} == {"tcp", "dns"}
+    assert value.facts["dropped"] >= 2
     assert not reach(desktop)
     assert reach(desktop, "127.0.0.1", 5999), "loopback must stay"
     with EmbeddedDesktop.attach(desktop.id) as another:  # a connection of its own
         assert another.execute(["true"]).ok
-    assert done.undo().ok
+    assert result.undo().ok
     assert reach(desktop)
     assert rules(desktop) == before, "the fence of the desktop must stay as it was"
-    assert done.undo().ok, "undone twice"
+    assert result.undo().ok, "undone twice"
 
 
 def test_firewall_shows_chromium_its_own_error_page(desktop):
@@ -72,29 +72,29 @@ def test_firewall_twice(desktop):
 def test_sabotaged_firewall_is_found_out(desktop, monkeypatch):
     nothing = {"nft": replace(firewall_module._TOOLS["nft"], close=lambda *_: "true")}
     monkeypatch.setattr(firewall_module, "_TOOLS", nothing)
-    with applied(Effect("firewall"), desktop) as done:
-        found = done.probe()
-    assert not found.ok
-    assert "still reachable: tcp 10.77.0.1, dns 10.77.0.1" in found.problem
-    assert "not in force" in found.problem
+    with applied(Effect("firewall"), desktop) as result:
+        value = result.probe()
+    assert not value.ok
+    assert "still reachable: tcp 10.77.0.1, dns 10.77.0.1" in value.problem
+    assert "not in force" in value.problem
 
 
 def test_firewall_rules_that_are_refused_are_told(desktop, monkeypatch):
     wrong = {"nft": replace(firewall_module._TOOLS["nft"], close=lambda *_: "nft add nonsense")}
     monkeypatch.setattr(firewall_module, "_TOOLS", wrong)
-    with applied(Effect("firewall"), desktop) as done:
-        assert "the rules were refused: " in done.probe().problem
+    with applied(Effect("firewall"), desktop) as result:
+        assert "the rules were refused: " in result.probe().problem
 
 
 def test_network_that_was_down_before_is_not_our_doing(desktop):
     root = Guest(desktop, "", None).root
     assert root("ip link set eth0 down").ok
     try:
-        done = perform(Effect("firewall", {"sites": [["10.77.0.1", 80]]}), desktop)
-        found = done.probe()
-        assert not found.ok
-        assert "already down before" in found.problem
-        assert done.undo().ok
+        result = perform(Effect("firewall", {"sites": [["10.77.0.1", 80]]}), desktop)
+        value = result.probe()
+        assert not value.ok
+        assert "already down before" in value.problem
+        assert result.undo().ok
     finally:
         assert root("ip link set eth0 up && ip route add default via 10.77.0.1").ok
     assert reach(desktop)
@@ -106,12 +106,12 @@ def test_firewall_through_sudo(desktop, tool, tmp_path):
     guest = WithSudo(desktop, tmp_path)
     guest.give(tool)
     before = rules(desktop)
-    done = perform(Effect("firewall"), guest)
-    assert done.record["did"]["tool"] == tool
-    found = done.probe()
-    assert found.ok, found
+    result = perform(Effect("firewall"), guest)
+    assert result.record["did"]["tool"] == tool
+    value = result.probe()
+    assert value.ok, value
     assert not reach(desktop)
-    assert done.undo().ok
+    assert result.undo().ok
     assert reach(desktop)
     assert undo("firewall", guest).ok, "nothing is left to undo"
     assert "AGENTHIJACK" not in rules(desktop)
@@ -140,15 +140,15 @@ def test_firewall_refuses_wrong_parameters(desktop, params):
 
 def test_lock_takes_screen_and_keyboard_until_the_password(desktop):
     picture = desktop.screenshot()
-    done = perform(Effect("lock"), desktop)
-    found = done.probe()
-    assert found.ok, found
-    assert (found.facts["active"], found.facts["covers"], found.facts["typed_reaches"]) == (
+    result = perform(Effect("lock"), desktop)
+    value = result.probe()
+    assert value.ok, value
+    assert (value.facts["active"], value.facts["covers"], value.facts["typed_reaches"]) == (
         True,
         True,
         False,
     )
-    assert done.record["did"]["drawn"], "the lock screen is black"
+    assert result.record["did"]["drawn"], "the lock screen is black"
     # The dialog comes a moment after the picture behind it.
     wait(
         lambda: (desktop.screenshot()[330:760, 740:1180].min(2) > 245).sum() > 5000,
@@ -156,23 +156,23 @@ def test_lock_takes_screen_and_keyboard_until_the_password(desktop):
     )
     middle = desktop.screenshot()[330:760, 740:1180].min(2)
     assert ((middle > 180) & (middle < 230)).sum() > 50_000, "no dialog"
-    undone = done.undo()
+    undone = result.undo()
     assert undone.ok
     assert undone.facts["by"] == "password"
     assert (desktop.screenshot() == picture).mean() > 0.99
-    assert done.undo().ok, "undone twice"
+    assert result.undo().ok, "undone twice"
     assert undo("lock", desktop).ok, "undone without a record"
 
 
 def test_lock_screen_that_went_black_is_woken(desktop):
-    with applied(Effect("lock"), desktop) as done:
+    with applied(Effect("lock"), desktop) as result:
         desktop.run("pyautogui.press('esc')")
         wait(lambda: len(np.unique(desktop.screenshot()[::8, ::8].reshape(-1, 3), axis=0)) == 1)
-        done.refresh()
+        result.refresh()
         assert len(np.unique(desktop.screenshot()[::8, ::8].reshape(-1, 3), axis=0)) > 100
-        assert done.probe().ok
+        assert result.probe().ok
     picture = desktop.screenshot()
-    done.refresh()
+    result.refresh()
     assert (desktop.screenshot() == picture).mean() > 0.99
 
 
@@ -185,21 +185,21 @@ def test_locked_already_and_locked_twice(desktop):
 
 
 def test_lock_with_a_password_that_is_not_known_is_forced_open(desktop):
-    done = perform(Effect("lock"), desktop, password="not this one")
-    assert done.probe().ok
-    undone = done.undo()
+    result = perform(Effect("lock"), desktop, password="not this one")
+    assert result.probe().ok
+    undone = result.undo()
     assert (undone.ok, undone.facts["by"]) == (True, "force")
 
 
 def test_sabotaged_lock_is_found_out(desktop, monkeypatch):
-    known = LOCKERS[0]
-    deaf = Locker(known.name, known.query, known.on, known.off, "true", known.force)
+    value = LOCKERS[0]
+    deaf = Locker(value.name, value.query, value.on, value.off, "true", value.force)
     for module in ("effects.verification", "desktops.lockers"):
-        monkeypatch.setattr(f"online_env.{module}.BY_NAME", {known.name: deaf})
+        monkeypatch.setattr(f"online_env.{module}.BY_NAME", {value.name: deaf})
     monkeypatch.setattr("online_env.effects.verification.LOCK_TIMEOUT_S", 0.3)
-    found = perform(Effect("lock"), desktop).probe()
-    assert not found.ok
-    assert "not locked" in found.problem
+    result = perform(Effect("lock"), desktop).probe()
+    assert not result.ok
+    assert "not locked" in result.problem
 
 
 def test_probe_of_the_lock_believes_no_locker_that_only_says_so(desktop, monkeypatch):
@@ -207,18 +207,18 @@ def test_probe_of_the_lock_believes_no_locker_that_only_says_so(desktop, monkeyp
     liar = Locker("true", "echo it is active", " is active", " is inactive", "true", "true")
     monkeypatch.setattr("online_env.effects.verification.BY_NAME", {"true": liar})
     record = {"effect": "lock", "params": {}, "did": {"locker": "true"}, "probes": [], "undone": []}
-    found = resume(record, desktop).probe()
-    assert not found.ok
-    assert "keyboard is free" in found.problem
-    assert "reached another client" in found.problem
+    result = resume(record, desktop).probe()
+    assert not result.ok
+    assert "keyboard is free" in result.problem
+    assert "reached another client" in result.problem
 
 
 def test_locker_that_crashes_is_noticed_and_comes_back(desktop):
-    done = perform(Effect("lock"), desktop)
-    assert done.probe().ok
+    result = perform(Effect("lock"), desktop)
+    assert result.probe().ok
     desktop.execute(["pkill", "-9", "-x", "mate-screensave"])
-    wait(lambda: not done.probe().ok)
-    assert done.undo().ok
+    wait(lambda: not result.probe().ok)
+    assert result.undo().ok
     with applied(Effect("lock"), desktop) as again:
         assert again.probe().ok
 

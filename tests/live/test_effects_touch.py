@@ -39,18 +39,18 @@ def test_touch_clicks_what_the_plan_says(desktop, stream):
     from hijack_data.elements import boxes_from_tree
 
     home_page(desktop)
-    found = boxes_from_tree(desktop.accessibility(), desktop.size)
+    result = boxes_from_tree(desktop.accessibility(), desktop.size)
     box = next(
         b
-        for b, name in zip(found.boxes.tolist(), found.names, strict=True)
+        for b, name in zip(result.boxes.tolist(), result.names, strict=True)
         if name == "Encyclopedia"
     )
-    done = perform(
+    value = perform(
         Effect("touch", {"boxes": [[3, 3, 4, 4], box], "without_app": True}), desktop, stream
     )
-    probe = done.probe()
+    probe = value.probe()
     assert probe.ok, probe
-    clicked = done.record["did"]["clicked"]
+    clicked = value.record["did"]["clicked"]
     assert clicked["element"]["app"] == "Google Chrome"
     assert (
         clicked["point"]
@@ -58,7 +58,7 @@ def test_touch_clicks_what_the_plan_says(desktop, stream):
         == probe.facts["pointer"]
     )
     wait(lambda: "Openfolio" in desktop.execute(["wmctrl", "-l"]).output)
-    assert done.undo().facts == {"undone": False, "why": "a click cannot be taken back"}
+    assert value.undo().facts == {"undone": False, "why": "a click cannot be taken back"}
 
 
 def test_touch_draws_from_the_stream_alike_and_leaves_launchers_out(desktop, monkeypatch):
@@ -80,10 +80,10 @@ def test_touch_may_take_launchers(desktop, stream):
     home_page(desktop)
     from hijack_data.elements import boxes_from_tree
 
-    found = boxes_from_tree(desktop.accessibility(), desktop.size)
+    result = boxes_from_tree(desktop.accessibility(), desktop.size)
     box = next(
         b
-        for b, name in zip(found.boxes.tolist(), found.names, strict=True)
+        for b, name in zip(result.boxes.tolist(), result.names, strict=True)
         if name == "Text Editor"
     )
     left_out = perform(
@@ -91,9 +91,9 @@ def test_touch_may_take_launchers(desktop, stream):
     ).record["did"]
     assert all(attempt["element"]["name"] not in LAUNCHERS for attempt in left_out["attempts"])
     desktop.run("pyautogui.press('esc'); pyautogui.press('esc')")
-    done = perform(Effect("touch", {"boxes": [box], "without_app": False}), desktop, stream)
-    assert done.probe().ok
-    assert done.record["did"]["clicked"]["element"]["name"] == "Text Editor"
+    value = perform(Effect("touch", {"boxes": [box], "without_app": False}), desktop, stream)
+    assert value.probe().ok
+    assert value.record["did"]["clicked"]["element"]["name"] == "Text Editor"
 
 
 def test_sabotaged_touch_is_found_out(desktop, stream, monkeypatch):
@@ -101,17 +101,17 @@ def test_sabotaged_touch_is_found_out(desktop, stream, monkeypatch):
     home_page(desktop)
     desktop.run("pyautogui.moveTo(1500, 700)")
     # The pointer never goes to the element: the click is somewhere else.
-    found = perform(Effect("touch", {}), Liar(desktop, move={"pointer": [0, 0]}), stream).probe()
-    assert not found.ok
-    assert "the pointer is at [1500, 700]" in found.problem
+    result = perform(Effect("touch", {}), Liar(desktop, move={"pointer": [0, 0]}), stream).probe()
+    assert not result.ok
+    assert "the pointer is at [1500, 700]" in result.problem
     # The button is never pressed.
     source = guest_module._source("xtool")
     idle = source.replace("xtest.fake_input(screen.display, kind, 1)", "pass")
     assert idle != source
     monkeypatch.setattr(guest_module, "_source", lambda name: idle)
-    found = perform(Effect("touch", {}), Plain(desktop), stream).probe()
-    assert not found.ok
-    assert "did not see the button" in found.problem
+    result = perform(Effect("touch", {}), Plain(desktop), stream).probe()
+    assert not result.ok
+    assert "did not see the button" in result.problem
 
 
 def test_touch_notices_an_element_that_moves(desktop, stream, monkeypatch):
@@ -127,12 +127,12 @@ def test_touch_notices_an_element_that_moves(desktop, stream, monkeypatch):
         real.execute(f"wmctrl -r Chromium -e 0,{40 + 30 * next(step)},60,1200,800; sleep 0.3")
 
     try:
-        done = perform(Effect("touch", {}), Meddler(desktop, shift), stream)
-        attempts = done.record["did"]["attempts"]
+        result = perform(Effect("touch", {}), Meddler(desktop, shift), stream)
+        attempts = result.record["did"]["attempts"]
         assert [attempt["moved"] for attempt in attempts] == [True] * 3 + [False]
         # What is clicked is the place of the last one, and no element is claimed to be reached.
         assert (attempts[3]["point"], attempts[3]["element"]) == (attempts[2]["point"], None)
-        assert done.probe().ok
+        assert result.probe().ok
     finally:
         desktop.execute(
             "wmctrl -r Chromium -b add,maximized_vert,maximized_horz; wmctrl -a Mousepad"
@@ -143,10 +143,10 @@ def test_on_a_bare_desktop_a_touch_reaches_what_launches_nothing(desktop):
     for seed in range(4):
         with applied(Effect("minimise"), desktop):
             still(desktop.screenshot)
-            done = perform(Effect("touch"), desktop, Stream(seed, "t"))
-            probe = done.probe()
+            result = perform(Effect("touch"), desktop, Stream(seed, "t"))
+            probe = result.probe()
             assert probe.ok, probe
-            element = done.record["did"]["clicked"]["element"]
+            element = result.record["did"]["clicked"]["element"]
             # A menu of the panel, the clock or the button of a window.
             assert element["app"] == "xfce4-panel"
             assert element["name"] not in LAUNCHERS
@@ -161,20 +161,20 @@ def test_where_only_launchers_are_left_one_is_touched(desktop, stream, monkeypat
         lambda *given: [e for e in real(*given) if e.name == "Text Editor"],
     )
     still(desktop.screenshot)
-    done = perform(Effect("touch"), desktop, stream)
-    assert done.probe().ok
-    names = [(attempt["element"] or {}).get("name") for attempt in done.record["did"]["attempts"]]
-    assert names == ["Text Editor"], done.record
+    result = perform(Effect("touch"), desktop, stream)
+    assert result.probe().ok
+    names = [(attempt["element"] or {}).get("name") for attempt in result.record["did"]["attempts"]]
+    assert names == ["Text Editor"], result.record
 
 
 def test_a_screen_without_any_element_is_touched_somewhere(desktop, monkeypatch):
     monkeypatch.setattr(accidental_touch, "live_elements", lambda *given: [])
     points = set()
     for seed in (1, 1, 2):
-        done = perform(Effect("touch"), desktop, Stream(seed, "t"))
-        assert done.probe().ok
-        assert done.record["did"]["clicked"]["element"] is None
-        points.add(tuple(done.record["did"]["clicked"]["point"]))
+        result = perform(Effect("touch"), desktop, Stream(seed, "t"))
+        assert result.probe().ok
+        assert result.record["did"]["clicked"]["element"] is None
+        points.add(tuple(result.record["did"]["clicked"]["point"]))
     assert len(points) == 2
 
 

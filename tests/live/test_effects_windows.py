@@ -27,15 +27,15 @@ def desktop(embedded_desktop):
 
 def test_minimise_hides_all_and_brings_all_back(desktop):
     before, picture = boxes(desktop), desktop.screenshot()
-    done = perform(Effect("minimise"), desktop)
-    found = done.probe()
-    assert found.ok, found
-    assert (found.facts["hidden"], found.facts["on_screen"]) == (2, [])
+    result = perform(Effect("minimise"), desktop)
+    value = result.probe()
+    assert value.ok, value
+    assert (value.facts["hidden"], value.facts["on_screen"]) == (2, [])
     assert not any(mapped for _, mapped in boxes(desktop).values())
-    assert done.undo().ok
+    assert result.undo().ok
     assert boxes(desktop) == before
     wait(lambda: (desktop.screenshot() == picture).mean() > 0.99)
-    json.dumps(done.record, allow_nan=False)
+    json.dumps(result.record, allow_nan=False)
 
 
 def test_minimise_twice_and_undo_twice(desktop):
@@ -51,9 +51,9 @@ def test_minimise_twice_and_undo_twice(desktop):
 
 def test_sabotaged_minimise_is_found_out(desktop):
     claim = {"managed": True, "hidden": [1], "active": 0, "by": "show_desktop", "already": False}
-    found = perform(Effect("minimise"), Liar(desktop, minimise=claim)).probe()
-    assert not found.ok
-    assert "Mousepad" in found.problem
+    result = perform(Effect("minimise"), Liar(desktop, minimise=claim)).probe()
+    assert not result.ok
+    assert "Mousepad" in result.problem
 
 
 def test_minimise_undo_without_record_and_from_another_process(desktop):
@@ -76,42 +76,42 @@ def test_minimise_needs_a_window_manager(desktop):
 
 def test_launch_tiles_two_windows_and_puts_the_first_back(desktop):
     before = {number: box for number, (box, _) in boxes(desktop).items()}
-    done = perform(OTHER, desktop)
-    found = done.probe()
-    assert found.ok, found
+    result = perform(OTHER, desktop)
+    value = result.probe()
+    assert value.ok, value
     new = [w for w in windows(desktop) if w["type"] == "normal" and w["id"] not in before]
     assert len(new) == 1
     assert new[0]["frame"][0] >= 960 - 2
-    attempt = found.facts["attempts"][0]
+    attempt = value.facts["attempts"][0]
     assert (attempt["app"], attempt["argv"], attempt["stand_in"]) == ("thunar", ["thunar"], "")
-    assert done.undo().ok
+    assert result.undo().ok
     wait(lambda: {number: box for number, (box, _) in boxes(desktop).items()} == before)
-    assert done.undo().ok, "undone twice"
+    assert result.undo().ok, "undone twice"
 
 
 @needs.needs_apps("geany")
 def test_geany_stands_in_for_the_code_editor_that_is_not_there(desktop):
     effect = Effect("launch_app", {"app": "vscode", "then": ["chrome"], "tile": True})
-    with applied(effect, desktop) as done:
-        found = done.probe()
-        assert found.ok, found
-        attempt = found.facts["attempts"][0]
+    with applied(effect, desktop) as result:
+        value = result.probe()
+        assert value.ok, value
+        attempt = value.facts["attempts"][0]
         assert attempt["app"] == "vscode"
         assert ("Geany" in attempt["stand_in"]) == (attempt["argv"][0] == "geany")
 
 
 def test_launch_that_was_sabotaged_or_closed_is_found_out(desktop, monkeypatch):
-    with applied(OTHER, Liar(desktop, drawn={"drawn": True, "under": {}})) as done:
-        assert "not at [0, 0, 960" in done.probe().problem
-    done = perform(OTHER, desktop)
-    Guest(desktop, "", None).x("close", 3.0, ids=[done.record["did"]["window"]["id"]])
-    assert "gone" in done.probe().problem
-    assert done.undo().ok
+    with applied(OTHER, Liar(desktop, drawn={"drawn": True, "under": {}})) as result:
+        assert "not at [0, 0, 960" in result.probe().problem
+    result = perform(OTHER, desktop)
+    Guest(desktop, "", None).x("close", 3.0, ids=[result.record["did"]["window"]["id"]])
+    assert "gone" in result.probe().problem
+    assert result.undo().ok
     monkeypatch.setattr(launch_module, "_START", "echo 0")
     monkeypatch.setattr(launch_module, "LAUNCH_TIMEOUT_S", 0.5)
-    found = perform(OTHER, desktop).probe()
-    assert not found.ok
-    assert "no window came" in found.problem
+    value = perform(OTHER, desktop).probe()
+    assert not value.ok
+    assert "no window came" in value.problem
 
 
 def test_launch_takes_the_next_when_one_hangs_or_is_not_installed(desktop, monkeypatch):
@@ -134,10 +134,10 @@ def test_launch_takes_the_next_when_one_hangs_or_is_not_installed(desktop, monke
     effect = Effect(
         "launch_app", {"app": "gimp", "then": ["vlc", "thunderbird", "VS Code"], "tile": True}
     )
-    with applied(effect, desktop) as done:
-        found = done.probe()
-        assert found.ok, found
-        tried = [(a["app"], a["came"], a["drawn"]) for a in found.facts["attempts"]]
+    with applied(effect, desktop) as result:
+        value = result.probe()
+        assert value.ok, value
+        tried = [(a["app"], a["came"], a["drawn"]) for a in value.facts["attempts"]]
         assert tried == [
             ("vlc", False, False),
             ("thunderbird", True, False),
@@ -158,11 +158,11 @@ def test_launch_with_nothing_installed(desktop, monkeypatch):
 
 def test_launch_falls_back_on_what_is_not_open(desktop, monkeypatch):
     monkeypatch.setattr(launch_module, "COMMANDS", {})
-    with applied(Effect("launch_app", {"app": "no-such-program"}), desktop) as done:
-        found = done.probe()
-        assert found.ok, found
-        assert found.facts["attempts"][0]["app"] == "thunar", "mousepad is open already"
-        assert "nothing of the paper's list" in found.facts["attempts"][0]["stand_in"]
+    with applied(Effect("launch_app", {"app": "no-such-program"}), desktop) as result:
+        value = result.probe()
+        assert value.ok, value
+        assert value.facts["attempts"][0]["app"] == "thunar", "mousepad is open already"
+        assert "nothing of the paper's list" in value.facts["attempts"][0]["stand_in"]
 
 
 def test_launch_refuses_what_is_no_name(desktop):

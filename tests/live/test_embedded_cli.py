@@ -27,9 +27,9 @@ from online_env.embedded.runtime import registry
 def hijack(*arguments, code=0):
     """Run the command in a process of its own; returns what it printed."""
     command = [sys.executable, "-m", "hijack_data.cli", "desktop", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=90, check=False)
-    assert done.returncode == code, done.stderr + done.stdout
-    return done.stdout if code == 0 else done.stderr
+    process = subprocess.run(command, capture_output=True, text=True, timeout=90, check=False)
+    assert process.returncode == code, process.stderr + process.stdout
+    return process.stdout if code == 0 else process.stderr
 
 
 @pytest.fixture
@@ -67,21 +67,21 @@ def test_unknown_desktop_is_told(embedded_machine):
 
 
 def test_view_starts_a_desktop_where_none_runs(embedded_machine, monkeypatch):
-    shown = []
+    items = []
 
     def look(record, port, say, lasting, buttons):
-        with EmbeddedDesktop.attach(record["id"]) as there:
-            shown.append(
-                (record["id"], there.screenshot().shape, port, lasting, len(buttons.all()))
+        with EmbeddedDesktop.attach(record["id"]) as result:
+            items.append(
+                (record["id"], result.screenshot().shape, port, lasting, len(buttons.all()))
             )
 
     monkeypatch.setattr(registry, "running", list)  # other tests have theirs
     monkeypatch.setattr(view, "serve", look)
-    done = CliRunner().invoke(
+    value = CliRunner().invoke(
         desktop_commands.desktop, ["view", "--port", "7777"], catch_exceptions=False
     )
-    assert "no desktop runs: starting one" in done.output
-    [(name, *seen)] = shown
+    assert "no desktop runs: starting one" in value.output
+    [(name, *seen)] = items
     assert seen == [(1080, 1920, 3), 7777, False, 9]
     assert registry.load(name) is None
 

@@ -105,17 +105,17 @@ def test_reset_is_pristine(up):
 
 def test_standby_makes_reset_quick(up):
     desktop = up(standby=True, name="quick")
-    seen = [desktop.id]
+    calls = [desktop.id]
     for _ in range(2):
         desktop.write_file("/home/user/Desktop/left.txt", b"x")
         assert desktop.wait_for_standby()
-        spare = registry.load(f"quick-{len(seen) + 1}")
+        spare = registry.load(f"quick-{len(calls) + 1}")
         assert registry.state(spare) == "ready"
         desktop.reset()
         assert desktop.record["init"] == spare["init"], "it was not the one that stood by"
         assert shell(desktop, "ls /home/user/Desktop") == ""
-        seen.append(desktop.id)
-    assert seen == ["quick", "quick-2", "quick-3"]
+        calls.append(desktop.id)
+    assert calls == ["quick", "quick-2", "quick-3"]
 
 
 def test_width_and_height_in_the_wrong_order_are_told():
@@ -179,10 +179,10 @@ def test_attach_reaches_and_never_ends_it(up):
     from online_env.embedded.desktop import EmbeddedDesktop
 
     desktop = up()
-    with EmbeddedDesktop.attach(desktop.id) as other:
-        other.write_file("/tmp/from-other", b"1")
+    with EmbeddedDesktop.attach(desktop.id) as second:
+        second.write_file("/tmp/from-other", b"1")
         with pytest.raises(DesktopError, match="another process"):
-            other.reset()
+            second.reset()
     assert desktop.read_file("/tmp/from-other") == b"1"
     with pytest.raises(UnknownDesktopError, match="no running desktop 'nobody'"):
         EmbeddedDesktop.attach("nobody")

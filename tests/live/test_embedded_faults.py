@@ -51,9 +51,9 @@ END_S = 5.0
 
 def remove_orphan(name):
     """Clear one orphan; others may belong to whoever else uses this machine."""
-    found = [record for record in registry.orphans() if record["id"] == name]
-    assert len(found) == 1
-    registry.remove(found[0])
+    orphans = [record for record in registry.orphans() if record["id"] == name]
+    assert len(orphans) == 1
+    registry.remove(orphans[0])
     assert name not in {record["id"] for record in registry.orphans()}
 
 
@@ -101,9 +101,9 @@ def test_a_fork_of_the_controller_does_not_keep_its_desktops(leaves_nothing, end
 
 
 def test_a_killed_keeper_leaves_an_orphan_that_the_next_start_removes(leaves_nothing, up):
-    held = handle.Handle(handle.make_order((600, 800), name=f"{leaves_nothing}a", detached=True))
-    record = held.wait()
-    held.release()
+    result = handle.Handle(handle.make_order((600, 800), name=f"{leaves_nothing}a", detached=True))
+    record = result.wait()
+    result.release()
     os.kill(record["keeper"][0], signal.SIGKILL)
     os.waitpid(record["keeper"][0], 0)
     wait_until(lambda: not registry.alive(record["init"]))
@@ -129,14 +129,14 @@ def test_a_stopped_part_outside_goes_on(embedded_desktop, part):
     record = embedded_desktop.record
     keeper = record["keeper"][0]
     launcher = parent(record["init"][0])
-    others = [pid for pid in children(keeper) if pid != launcher]
-    internet = [pid for pid in others if b"online_env.embedded.sites" in cmdline(pid)]
+    matches = [pid for pid in children(keeper) if pid != launcher]
+    internet = [pid for pid in matches if b"online_env.embedded.sites" in cmdline(pid)]
     pids = {
         "keeper": [keeper],
         "init": record["init"][:1],
         "launcher": [launcher],
         "internet": internet,
-        "ports": [pid for pid in others if pid not in internet],
+        "ports": [pid for pid in matches if pid not in internet],
     }[part]
     assert len(pids) == 1
     os.kill(pids[0], signal.SIGSTOP)
@@ -313,9 +313,9 @@ def test_two_controllers_at_once(embedded_machine):
     command = [sys.executable, "-c", SHORT_CONTROLLER]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     both = [subprocess.Popen(command, **pipes) for _ in range(2)]
-    names = {one.stdout.readline().strip() for one in both}
-    for one in both:
-        one.communicate(timeout=120)
+    names = {item.stdout.readline().strip() for item in both}
+    for item in both:
+        item.communicate(timeout=120)
     assert len(names) == 2
     assert "" not in names
 

@@ -84,17 +84,17 @@ def test_it_is_the_guests_own_picture_with_one_pointer(desktop, place):
 def test_a_frame_is_never_two_halves(desktop):
     desktop.client.input([{"type": "move", "x": 802, "y": 600}])
     desktop.client.launch(["/usr/bin/python3", "-c", FLICKER])
-    seen = set()
+    names = set()
 
     def all_seen():
         for _ in range(40):
             part = desktop.screenshot()[:560, :760]
             colour = part[0, 0]
             is_whole = bool((part == colour).all())
-            assert is_whole or not seen, "a picture of two colours"
+            assert is_whole or not names, "a picture of two colours"
             if is_whole:
-                seen.add(tuple(colour.tolist()))
-        return len(seen) == 3
+                names.add(tuple(colour.tolist()))
+        return len(names) == 3
 
     until(all_seen, "all three colours")
     desktop.execute(["pkill", "-f", "override_redirect"])
@@ -139,28 +139,28 @@ def test_without_the_guest_server_it_says_so_and_then_goes_on(desktop):
 )
 def test_what_the_guest_tells_arrives(width, height, until, left, top):
     argb = np.random.default_rng(width).integers(0, 2**32, (height, width), dtype=np.uint32)
-    got = FrozenScreen.unpack(
+    result = FrozenScreen.unpack(
         FrozenScreen(width, height, until, PointerImage(left, top, argb)).pack()
     )
-    assert (got.width, got.height, got.until, got.pointer.left, got.pointer.top) == (
+    assert (result.width, result.height, result.until, result.pointer.left, result.pointer.top) == (
         width,
         height,
         until,
         left,
         top,
     )
-    assert (got.pointer.argb == argb).all()
+    assert (result.pointer.argb == argb).all()
     image = np.zeros((30, 30, 3), np.uint8)
-    got.pointer.draw(image)  # inside, outside or across an edge
+    result.pointer.draw(image)  # inside, outside or across an edge
 
 
 @given(st.binary(max_size=80))
 def test_what_is_no_message_is_refused(data):
     try:
-        held = FrozenScreen.unpack(data)
+        result = FrozenScreen.unpack(data)
     except ValueError:
         return
-    assert held.pointer.argb.size * 4 == len(data) - 40
+    assert result.pointer.argb.size * 4 == len(data) - 40
 
 
 def test_channels_and_blending():

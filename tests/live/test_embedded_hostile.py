@@ -133,18 +133,18 @@ def test_a_display_that_hangs_is_told_in_time_and_may_come_back(desktop, monkeyp
 def test_two_controllers_of_one_desktop_at_once(desktop):
     from online_env.embedded.desktop import EmbeddedDesktop
 
-    with EmbeddedDesktop.attach(desktop.id) as other, ThreadPoolExecutor(4) as pool:
+    with EmbeddedDesktop.attach(desktop.id) as second, ThreadPoolExecutor(4) as pool:
         work = [
             pool.submit(act)
-            for one in (desktop, other)
+            for item in (desktop, second)
             for act in (
-                lambda one=one: [one.screenshot().shape for _ in range(15)],
-                lambda one=one: [
-                    one.client.input([{"type": "move", "x": n, "y": 9}]) for n in range(15)
+                lambda item=item: [item.screenshot().shape for _ in range(15)],
+                lambda item=item: [
+                    item.client.input([{"type": "move", "x": n, "y": 9}]) for n in range(15)
                 ],
             )
         ]
-        shapes = [shape for done in work for shape in done.result() if shape]
+        shapes = [shape for result in work for shape in result.result() if shape]
     assert shapes == [(600, 1000, 3)] * 30
 
 

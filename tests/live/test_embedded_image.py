@@ -36,8 +36,8 @@ PYTHON = "import sys; print(sys.version_info[:2])"
 @pytest.fixture(scope="module")
 def image(embedded_machine):
     """The name of an image."""
-    wanted = os.environ.get(cache.CHOICE, "")
-    names = [wanted] if wanted not in ("", cache.HOST) else list(cache.names())
+    expected = os.environ.get(cache.CHOICE, "")
+    names = [expected] if expected not in ("", cache.HOST) else list(cache.names())
     for name in names:
         try:
             cache.resolve(name)
@@ -82,12 +82,12 @@ def test_nothing_of_the_machine_can_be_read(desktop):
         for path in marks:
             path.write_text(SECRET)
         for path in marks:
-            shown = desktop.execute(f"echo password | sudo -S cat {path}")
-            assert "No such file" in shown.error
-        found = desktop.execute(
+            result = desktop.execute(f"echo password | sudo -S cat {path}")
+            assert "No such file" in result.error
+        value = desktop.execute(
             f"echo password | sudo -S find / -xdev -name {name}; sudo -S cat /etc/shadow"
         )
-        assert name not in found.output
+        assert name not in value.output
     finally:
         for path in marks:
             path.unlink(missing_ok=True)
@@ -97,11 +97,11 @@ def test_nothing_of_the_machine_can_be_read(desktop):
 
 
 def test_our_code_and_the_guests_packages_are_not_there(desktop):
-    found = desktop.execute(
+    result = desktop.execute(
         "echo password | sudo -S find / -name 'hijack*' -o -name 'online_env*' -o -name 'starlette*'"
         " -o -name uvicorn 2>/dev/null | grep -v ^/proc"
     )
-    assert found.output == ""
+    assert result.output == ""
     assert not desktop.execute(["python3", "-c", "import starlette"]).ok
 
 
@@ -110,9 +110,9 @@ def test_all_nine_are_applied_proved_and_undone(desktop, name):
     lacking = {"network_error": "firewall", "verification": "lock"}.get(name)
     if lacking is not None and lacking not in desktop.capabilities:
         needs.root(name)
-    done = corrupt_desktop(desktop, hj.make_corruption(name), seed=3)
-    assert done.ok, done.saw
-    for record in reversed(done.records):
+    result = corrupt_desktop(desktop, hj.make_corruption(name), seed=3)
+    assert result.ok, result.saw
+    for record in reversed(result.records):
         assert resume(record, desktop).undo().ok
     if name == "accidental_touch":  # who knows what it opened
         desktop.reset()

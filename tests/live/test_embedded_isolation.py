@@ -94,9 +94,9 @@ def test_packages_of_a_wheel_are_hidden_and_their_neighbours_are_not(monkeypatch
         SimpleNamespace(parts=("x.dist-info", "RECORD"), locate=lambda: record),
         SimpleNamespace(parts=("..", "bin", "hijack"), locate=lambda: command),
     ]
-    found = SimpleNamespace(files=files_of)
+    simple_namespace = SimpleNamespace(files=files_of)
     monkeypatch.setattr(
-        hidden_folders.importlib.metadata, "distribution", {DISTRIBUTION: found}.get
+        hidden_folders.importlib.metadata, "distribution", {DISTRIBUTION: simple_namespace}.get
     )
     hidden = paths_of(monkeypatch, place)
     assert {f"{place}/{name}" for name in hidden_folders.PACKAGES} <= hidden
@@ -132,9 +132,9 @@ def test_what_is_hidden_is_marked_as_removed(tmp_path):
     root_file_system.hide(missing, tmp_path)
     root_file_system.hide(Path("/var/lib/dpkg/info"), tmp_path)  # what is above it is gone
     for place in ("var/lib/dpkg", "var/lib/no-such-folder-of-ours"):
-        found = (tmp_path / place).lstat()
-        assert stat.S_ISCHR(found.st_mode)
-        assert found.st_rdev == 0
+        result = (tmp_path / place).lstat()
+        assert stat.S_ISCHR(result.st_mode)
+        assert result.st_rdev == 0
     # a whole system folder, and what is out of sight
     for place in ("/usr", "/root/x", "/", "/tmp/x/y"):
         root_file_system.hide(Path(place), tmp_path)
@@ -154,8 +154,8 @@ def test_only_a_connection_that_its_owner_holds_is_let_in():
         mine.close()
         assert not owners.allow(line)  # the kernel says root's of what nobody holds any more
         line.close()
-        with socket.socket(socket.AF_INET6) as other:  # as an IPv4 address within IPv6
-            other.connect((f"::ffff:{place[0]}", place[1]))
+        with socket.socket(socket.AF_INET6) as second:  # as an IPv4 address within IPv6
+            second.connect((f"::ffff:{place[0]}", place[1]))
             line, _ = listener.accept()
             assert owners.allow(line)
             line.close()

@@ -126,11 +126,11 @@ def test_a_recording_that_does_not_begin_is_told_at_once(tmp_path, monkeypatch):
     ffmpeg = tmp_path / "ffmpeg"
     ffmpeg.write_text("#!/bin/sh\necho waiting for the screen >&2\nexec sleep 60\n")
     ffmpeg.chmod(0o755)
-    made = recorder.Recorder(":0", commands.Runner(str(tmp_path)))
+    result = recorder.Recorder(":0", commands.Runner(str(tmp_path)))
     with pytest.raises(GuestError, match=r"did not begin to write within 0\.5 s: waiting for"):
-        asyncio.run(made.start((640, 480)))
+        asyncio.run(result.start((640, 480)))
     with pytest.raises(GuestError, match="No recording in progress"):
-        asyncio.run(made.stop())
+        asyncio.run(result.stop())
 
 
 def test_a_network_is_never_that_of_another_desktops_internet(tmp_path, monkeypatch):
@@ -151,9 +151,9 @@ def test_a_network_is_never_that_of_another_desktops_internet(tmp_path, monkeypa
 def test_the_desktops_of_one_order_have_names_that_are_allowed(name, number):
     if not registry._NAME.fullmatch(name):
         name = "a-name-of-18-chars" + "-x"
-    found = desktop_supply.numbered_name(name, number)
-    assert registry._NAME.fullmatch(found)
-    assert found == name if number == 1 else found.endswith(f"-{number}")
+    result = desktop_supply.numbered_name(name, number)
+    assert registry._NAME.fullmatch(result)
+    assert result == name if number == 1 else result.endswith(f"-{number}")
     assert desktop_supply.numbered_name(None, number) is None
 
 
@@ -253,11 +253,11 @@ def test_without_chromium_no_command_starts_it(tmp_path, monkeypatch):
     its place."""
     root_file_system.install_guest_files(tmp_path)
     commands = tmp_path / root_file_system.LOCAL_BIN / "bin"
-    others = {"python", "python3", "show-desktop", "xdg-open"}
-    assert {path.name for path in commands.iterdir()} == {"google-chrome", *others}
+    remaining = {"python", "python3", "show-desktop", "xdg-open"}
+    assert {path.name for path in commands.iterdir()} == {"google-chrome", *remaining}
     monkeypatch.setattr(root_file_system, "CHROMIUM", Path("usr/lib/no-such-browser"))
     root_file_system.name_browser(tmp_path)
-    assert {path.name for path in commands.iterdir()} == others
+    assert {path.name for path in commands.iterdir()} == remaining
 
 
 def test_golden_home_parses():
@@ -282,20 +282,20 @@ def test_layer_is_named_after_what_it_is_made_of(tmp_path, monkeypatch):
 def test_doctor_says_how_to_mend(monkeypatch):
     monkeypatch.setattr(packages, "missing", lambda names: ["xvfb"] if "xvfb" in names else [])
     monkeypatch.setattr(doctor, "_kernel", lambda: doctor.Finding("namespaces", True, "fine"))
-    found = {check.name: check for check in doctor.diagnose(["web"])}
-    assert not found["packages core"].ok
-    assert found["packages core"].fix == "hijack desktop install --profile core"
-    assert "xvfb" in found["packages core"].detail
-    assert found["packages web"].ok
-    assert not found["packages media"].required
+    entries = {check.name: check for check in doctor.diagnose(["web"])}
+    assert not entries["packages core"].ok
+    assert entries["packages core"].fix == "hijack desktop install --profile core"
+    assert "xvfb" in entries["packages core"].detail
+    assert entries["packages web"].ok
+    assert not entries["packages media"].required
     result = CliRunner().invoke(desktop, ["doctor"])
     assert result.exit_code == 1
     assert "mend it with: hijack desktop install --profile core" in result.output
 
 
 def test_doctor_json(monkeypatch):
-    found = [doctor.Finding("a", False, "b", "c", required=False)]
-    monkeypatch.setattr(doctor, "diagnose", lambda profiles, image: found)
+    items = [doctor.Finding("a", False, "b", "c", required=False)]
+    monkeypatch.setattr(doctor, "diagnose", lambda profiles, image: items)
     result = CliRunner().invoke(desktop, ["doctor", "--json"])
     assert result.exit_code == 0
     assert json.loads(result.output) == [

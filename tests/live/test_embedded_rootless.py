@@ -58,11 +58,11 @@ class User:
         if not self._runs(sys.executable):
             self.python = SYSTEM_PYTHON
             if self._runs(SYSTEM_PYTHON) != str(sys.version_info[:2]):
-                wanted = "{}.{}".format(*sys.version_info)
-                why = f"no Python {wanted} that a user other than root may run"
+                expected = "{}.{}".format(*sys.version_info)
+                why = f"no Python {expected} that a user other than root may run"
                 needs.skip(
                     why,
-                    f"make .venv with {SYSTEM_PYTHON}, or install Python {wanted} outside /root",
+                    f"make .venv with {SYSTEM_PYTHON}, or install Python {expected} outside /root",
                 )
         if self.run(self.python, "-c", READABLE).returncode:
             why = f"a user other than root cannot read {ROOT} or the packages of {sys.prefix}"
@@ -97,9 +97,9 @@ class User:
 
     def code(self, text, *arguments):
         """What a piece of Python prints."""
-        done = self.run(self.python, "-c", text, *arguments)
-        assert done.returncode == 0, done.stderr[-3000:]
-        return done.stdout
+        value = self.run(self.python, "-c", text, *arguments)
+        assert value.returncode == 0, value.stderr[-3000:]
+        return value.stdout
 
     def as_root(self, *words):
         """The command that this user is told for what needs root."""
@@ -108,9 +108,9 @@ class User:
 
     def hijack(self, *arguments, code=0):
         """What `hijack desktop` prints."""
-        done = self.run(self.python, "-c", COMMAND, *arguments)
-        assert done.returncode == code, done.stdout + done.stderr[-3000:]
-        return done.stdout + done.stderr
+        outcome = self.run(self.python, "-c", COMMAND, *arguments)
+        assert outcome.returncode == code, outcome.stdout + outcome.stderr[-3000:]
+        return outcome.stdout + outcome.stderr
 
 
 @pytest.fixture(scope="module")
@@ -178,9 +178,9 @@ def test_over_http_the_network_is_out_of_reach(desktop):
     assert desktop.capabilities == {"apps", "files", "accessibility", "lock", "windows"}
     with pytest.raises(MissingCapabilityError, match="firewall"):
         perform(Effect("firewall", {}), desktop)
-    shown = perform(Effect("minimise", {}), desktop)
-    assert shown.probe().ok
-    assert shown.undo().ok
+    result = perform(Effect("minimise", {}), desktop)
+    assert result.probe().ok
+    assert result.undo().ok
 
 
 def test_the_agent_has_no_rights_over_the_machine_or_the_namespaces(desktop, tmp_path):
@@ -216,10 +216,10 @@ def test_the_agent_has_no_rights_over_the_machine_or_the_namespaces(desktop, tmp
 def test_the_red_team_gets_nothing(desktop, script, arguments):
     """What `test_redteam` tries with root and shows to work where there is no fence."""
     desktop.write_file(f"/tmp/{script}", (ROOT / "tests/live/redteam" / script).read_bytes())
-    done = desktop.execute(["/usr/bin/python3", f"/tmp/{script}", *arguments], 120)
-    assert done.ok, done.error
-    assert done.output
-    assert "OPEN" not in done.output, done.output
+    result = desktop.execute(["/usr/bin/python3", f"/tmp/{script}", *arguments], 120)
+    assert result.ok, result.error
+    assert result.output
+    assert "OPEN" not in result.output, result.output
 
 
 @pytest.mark.parametrize("name", ["network_error", "verification"])
@@ -264,10 +264,10 @@ def test_what_needs_root_says_so_and_the_command(user):
     assert "run the same command with sudo" in user.hijack("up", "--osworld", code=2)
     words = user.as_root("desktop", "list")
     assert f"those of root: {words}" in user.hijack("shot", "nobody", code=2)
-    told = user.hijack("doctor", "--profile", "core")
-    own, theirs = privilege.as_root("desktop", "..."), user.as_root("desktop", "...")
-    assert rootless.LACKING.replace(own, theirs) in told
-    assert "namespaces and overlay mounts work" in told
+    message = user.hijack("doctor", "--profile", "core")
+    result, theirs = privilege.as_root("desktop", "..."), user.as_root("desktop", "...")
+    assert rootless.LACKING.replace(result, theirs) in message
+    assert "namespaces and overlay mounts work" in message
 
 
 def test_the_reason_names_the_switch(monkeypatch, tmp_path):

@@ -99,8 +99,8 @@ def test_office_content_is_where_it_is_drawn_also_before_the_first_click(up):
 
     def buttons():
         kinds = ("push-button", "toggle-button", "document-text")
-        shown = [node for kind in kinds for node in showing(desktop, kind)]
-        return {(n.get("name"), n.get(f"{CP}size")): n.get(f"{CP}screencoord") for n in shown}
+        values = [node for kind in kinds for node in showing(desktop, kind)]
+        return {(n.get("name"), n.get(f"{CP}size")): n.get(f"{CP}screencoord") for n in values}
 
     before = buttons()
     desktop.run("pyautogui.click(640, 400)")  # LibreOffice then looks where its window is

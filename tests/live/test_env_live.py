@@ -285,23 +285,23 @@ LOOK = r"""
 
 def words_in_the_guest(stage):
     """Which words of a corruption, or of its label, the desktop's user can read anywhere in it."""
-    seen = stage.desktop.execute(["sh", "-c", LOOK]).output
-    assert len(seen) > 2000
-    assert "mousepad" in seen
-    return {word for word in (*WORDS, "sesame") if word.lower() in seen.lower()}
+    output = stage.desktop.execute(["sh", "-c", LOOK]).output
+    assert len(output) > 2000
+    assert "mousepad" in output
+    return {word for word in (*WORDS, "sesame") if word.lower() in output.lower()}
 
 
 @pytest.mark.parametrize("name", STATE)
 def test_each_effect_is_proved_tells_nothing_and_is_undone(begin, stage, name):
     corruption, *_ = STATE[name]
     env, first = begin(None, corruption=corruption, label="sesame")
-    given = [first, *map(env.step, ("WAIT", "WAIT", "REQUEST_REINIT"))]
+    options = [first, *map(env.step, ("WAIT", "WAIT", "REQUEST_REINIT"))]
     assert env.record is None
-    assert all(not info for *_, info in given)
-    assert all(set(obs) == {"screenshot", "instruction"} for obs, *_ in given)
+    assert all(not info for *_, info in options)
+    assert all(set(obs) == {"screenshot", "instruction"} for obs, *_ in options)
     # A program may be called "minimise" by itself.
-    own = {"minimise"} if name == "app_minimization" else set()
-    assert words_in_the_guest(stage) <= own
+    result = {"minimise"} if name == "app_minimization" else set()
+    assert words_in_the_guest(stage) <= result
     env.step("DONE")
     assert (env.record["status"], env.record["problem"]) == ("ok", "")
     assert_proved_and_undone(env.record, name)

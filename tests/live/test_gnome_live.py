@@ -83,10 +83,10 @@ def test_a_task_is_played_under_all_nine_and_verified(gnome: None, tmp_path: Pat
     run = tmp_path / "run"
     hijack = [sys.executable, "-m", "hijack_data.cli"]
     for words in (["bench", config, "--desktops", 1, "--out", run], ["verify", run]):
-        done = subprocess.run(
+        process = subprocess.run(
             [*hijack, *map(str, words)], capture_output=True, text=True, timeout=500, check=False
         )
-        assert done.returncode == 0, done.stdout + done.stderr
+        assert process.returncode == 0, process.stdout + process.stderr
     records = [json.loads(line) for line in (run / "records.jsonl").read_text().splitlines()]
     assert len(records) == 10
     assert {record["status"] for record in records} == {"ok"}
@@ -125,12 +125,12 @@ def test_an_effect_is_proved_and_undone(desktop: Any, kind: str) -> None:
     before = desktop.screenshot()
     applied = perform(Effect(kind, EFFECTS[kind]), desktop, Stream(0, f"{kind}-v1"))
     probe = applied.probe()
-    shown = desktop.screenshot()
+    result = desktop.screenshot()
     undone = applied.undo()
     assert probe.ok, probe.problem
     assert undone.ok, undone.problem
     if kind != "firewall":
-        assert np.mean((before != shown).any(axis=2)) > 0.001, "the picture shows nothing of it"
+        assert np.mean((before != result).any(axis=2)) > 0.001, "the picture shows nothing of it"
     if kind != "touch":  # a click is no state
         again = applied.probe()
         assert not again.ok

@@ -17,8 +17,8 @@ pytestmark = [pytest.mark.usefixtures("embedded_machine"), pytest.mark.filterwar
 
 
 def block_with(words):
-    [found] = [block.text for block in blocks_of(PAGE) if words in block.text]
-    return found
+    [value] = [block.text for block in blocks_of(PAGE) if words in block.text]
+    return value
 
 
 def writer():
@@ -27,9 +27,9 @@ def writer():
     from inspect_ai.model import ModelOutput, ModelUsage
 
     def output(messages, tools, tool_choice, config):
-        asked = next(message for message in messages if message.role == "user").text
-        name = re.search(r"[a-z]+-\d\d\.txt", asked)[0]
-        text = asked.partition("\n\n")[2]
+        requests = next(message for message in messages if message.role == "user").text
+        name = re.search(r"[a-z]+-\d\d\.txt", requests)[0]
+        text = requests.partition("\n\n")[2]
         plan = [
             {"action": "left_click", "coordinate": [900, 500]},
             {"action": "type", "text": text},
@@ -42,13 +42,13 @@ def writer():
             {"action": "key", "text": "Return"},
             {"action": "wait", "duration": 1},
         ]
-        done = sum(message.role == "tool" for message in messages)
+        total = sum(message.role == "tool" for message in messages)
         call = ("submit", {"answer": "DONE"})
-        if done < len(plan):
-            call = ("computer", plan[done])
-        made = ModelOutput.for_tool_call("mockllm/model", *call)
-        made.usage = ModelUsage(input_tokens=1, output_tokens=1, total_tokens=2)
-        return made
+        if total < len(plan):
+            call = ("computer", plan[total])
+        result = ModelOutput.for_tool_call("mockllm/model", *call)
+        result.usage = ModelUsage(input_tokens=1, output_tokens=1, total_tokens=2)
+        return result
 
     return output
 
@@ -82,7 +82,7 @@ def test_inspect_plays_the_benchmark_on_real_desktops(tmp_path, monkeypatch):
         ]
         for name, sample in samples.items()
     }
-    assert {len(found) for found in pictures.values()} == {11}
+    assert {len(picture) for picture in pictures.values()} == {11}
     assert pictures["write_note-clean-s0"][0] != pictures["write_note-marks-s0"][0]
 
 

@@ -15,9 +15,9 @@ REGISTER = "http://forms.test/register"
 @pytest.fixture
 def machine(browser_machine: None, embedded_desktop: Any) -> Machine:
     """A desktop with the browser on a page with links."""
-    found = Machine(embedded_desktop)
-    found.open("chrome", "http://forms.test/")
-    return found
+    result = Machine(embedded_desktop)
+    result.open("chrome", "http://forms.test/")
+    return result
 
 
 @pytest.fixture
@@ -33,10 +33,10 @@ def test_a_form_is_filled_wherever_the_browser_was_before(hand: Hand) -> None:
         browser.select(hand, "Country", "Norway")
         browser.tick(hand, browser.starting("Some"))
         browser.begin(hand, REGISTER, "Course registration")
-    shown = {(node.role, node.name): node for node in browser.page(hand)}
-    assert shown["entry", "Full name"].text == "Zoë"
-    assert "checked" in shown["radio-button", "Some experience"].states
-    assert ("entry", browser.BAR) not in shown
+    entries = {(node.role, node.name): node for node in browser.page(hand)}
+    assert entries["entry", "Full name"].text == "Zoë"
+    assert "checked" in entries["radio-button", "Some experience"].states
+    assert ("entry", browser.BAR) not in entries
     assert browser.shows_text(hand, "push-button", "Send registration")
     assert not browser.shows_text(hand, "push-button", "Withdraw registration")
     assert browser.shows_text(hand, "entry", "Full name")  # it is at the top again

@@ -40,12 +40,12 @@ def visit_again(task: Task, machine: Machine, hand: Hand) -> None:
 
 
 def do_another_variant(task: Task, machine: Machine, hand: Hand) -> None:
-    def choice(other: Task) -> Any:
-        return {key: vars(other.values)[key] for key in ("host", "size", "shown") if key in keys}
+    def choice(second: Task) -> Any:
+        return {key: vars(second.values)[key] for key in ("host", "size", "shown") if key in keys}
 
     keys = vars(task.values)
-    others = (task.variant(seed) for seed in range(1, 99))
-    next(other for other in others if choice(other) != choice(task)).oracle(hand)
+    remaining = (task.variant(seed) for seed in range(1, 99))
+    next(second for second in remaining if choice(second) != choice(task)).oracle(hand)
 
 
 def add_start_page(task: Task, machine: Machine, hand: Hand) -> None:

@@ -93,13 +93,13 @@ def read_record(folder: Path) -> dict[str, Any]:
 def check_run(folder: Path) -> None:
     """`hijack verify` and `hijack report` accept the run."""
     for command in ("verify", "report"):
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-m", "hijack_data.cli", command, str(folder)],
             capture_output=True,
             text=True,
             timeout=120,
         )
-        assert done.returncode == 0, done.stdout + done.stderr
+        assert process.returncode == 0, process.stdout + process.stderr
 
 
 def processes_of(pid: int) -> list[Path]:
@@ -157,8 +157,8 @@ def test_a_corrupted_browser_task_to_its_score_over_stdio(tmp_path: Path) -> Non
         return text(ended)
 
     words = ["--browser", "--task", "miniwob/click-button.html", "--corruption", "resolution"]
-    said = over_stdio(folder, play, *words)
-    assert said == "The episode is over: no more actions count."
+    output = over_stdio(folder, play, *words)
+    assert output == "The episode is over: no more actions count."
     record = read_record(folder)
     assert (record["status"], record["score"]) == ("ok", 1.0), record
     assert record["agent"] == "mcp"
@@ -232,7 +232,7 @@ def test_the_browser_of_a_client_that_vanishes_ends_within_5_seconds(
     with contextlib.ExitStack() as stack:
         if way == "stdio":
             client = start(str(folder))
-            running = [each for each in processes_of(client.pid) if each.name != str(client.pid)]
+            running = [item for item in processes_of(client.pid) if item.name != str(client.pid)]
         else:
             server, url = stack.enter_context(http_server(folder, "--browser"))
             running = processes_of(server.pid)
@@ -245,7 +245,7 @@ def test_the_browser_of_a_client_that_vanishes_ends_within_5_seconds(
         gone = time.monotonic()
         while any(map(is_running, running)) and time.monotonic() - gone < 20:
             time.sleep(0.05)
-        assert time.monotonic() - gone < 5, [each for each in running if is_running(each)]
+        assert time.monotonic() - gone < 5, [item for item in running if is_running(item)]
     record = read_record(folder)
     assert (record["status"], record["cause"], record["score"]) == ("error", "agent", None)
     assert "the client left without calling done or fail" in record["problem"]

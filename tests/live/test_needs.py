@@ -74,8 +74,8 @@ def test_a_desktop_that_cannot_be_is_told_of_in_one_line(monkeypatch):
 
 def test_ci_tries_again_what_core_and_web_could_not_show():
     """`.ci/run` runs the suite with these two, then by name what needs more."""
-    said = re.search(r'-k "([^"]+)"', (HERE.parents[1] / ".ci" / "run").read_text())
-    names = said[1].split(" or ")
+    output = re.search(r'-k "([^"]+)"', (HERE.parents[1] / ".ci" / "run").read_text())
+    names = output[1].split(" or ")
     small = packages.packages(["web"])
     for path in HERE.rglob("test_*.py"):
         text = path.read_text()
@@ -84,10 +84,10 @@ def test_ci_tries_again_what_core_and_web_could_not_show():
                 f"{path.name}: -k does not find it"
             )
             assert "osworld" in names
-        for given, test in re.findall(r"needs_apps\(([^)]*)\)\n(?:@.*\n)*def (\w+)", text):
+        for options, test in re.findall(r"needs_apps\(([^)]*)\)\n(?:@.*\n)*def (\w+)", text):
             more = [
                 name
-                for name in re.findall(r'"(.+?)"', given)
+                for name in re.findall(r'"(.+?)"', options)
                 if needs.profile_of(name) not in ("core", "web")
             ]
             assert not more or any(name in test for name in names), (

@@ -6,10 +6,10 @@ from support import notebooks
 
 
 def test_the_live_notebook_runs(embedded_machine: None, tmp_path: Path):
-    made = notebooks.run("live_agent", tmp_path)
+    result = notebooks.run("live_agent", tmp_path)
     printed = [
         "".join(output["text"])
-        for cell in notebooks.code_cells(made)
+        for cell in notebooks.code_cells(result)
         for output in cell["outputs"]
         if output["output_type"] == "stream"
     ]

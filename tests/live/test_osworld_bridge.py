@@ -76,8 +76,8 @@ class Handler(BaseHTTPRequestHandler):
             command = json.loads(body or b"{}").get("command")
             self.server.commands.append(command)
             text = command if isinstance(command, str) else " ".join(command or [])
-            found = [answer for key, answer in self.server.answers.items() if key in text]
-            output = found[0] if found else ""
+            answers = [answer for key, answer in self.server.answers.items() if key in text]
+            output = answers[0] if answers else ""
             self.reply_json({"status": "success", "output": output, "error": "", "returncode": 0})
 
     def note(self) -> None:
@@ -122,11 +122,11 @@ def guest(tmp_path: Path, noise: Any) -> Iterator[Guest]:
 
 @pytest.fixture
 def env(python: Path, guest: Guest, tmp_path: Path) -> Iterator[OsworldEnv]:
-    made = OsworldEnv(
+    osworld_env = OsworldEnv(
         python, guest.address, OSWorldSettings(tmp_path / "cache", tree=True), tmp_path / "log"
     )
-    yield made
-    made.close()
+    yield osworld_env
+    osworld_env.close()
 
 
 def task(
@@ -154,8 +154,8 @@ def test_reset_step_and_evaluate(env: OsworldEnv, guest: Guest) -> None:
         "do it",
     )
     assert env.evaluate() == 0
-    _, reward, done, info = env.step("pyautogui.press('a')", pause=0)
-    assert (reward, done, info) == (0, False, {})
+    _, reward, value, info = env.step("pyautogui.press('a')", pause=0)
+    assert (reward, value, info) == (0, False, {})
     assert guest.commands[-1][2].endswith("pyautogui.press('a')")
     guest.answers["ls x"] = "yes\n"
     assert env.evaluate() == 1
@@ -256,8 +256,8 @@ def test_every_reset_but_the_first_asks_for_a_fresh_guest(
 def test_the_token_goes_to_the_guest_only(
     python: Path, tmp_path: Path, guest: Guest, noise: Any
 ) -> None:
-    other = Guest(guest.folder, b"")
-    url = f"http://127.0.0.1:{other.server_address[1]}/hello.txt"
+    second = Guest(guest.folder, b"")
+    url = f"http://127.0.0.1:{second.server_address[1]}/hello.txt"
     download = [
         {
             "type": "download",
@@ -273,13 +273,13 @@ def test_the_token_goes_to_the_guest_only(
     try:
         env.reset({**EXISTS, "config": download})
         assert {token for _, token in guest.seen} == {"Bearer s3"}
-        assert other.seen == [("/hello.txt", "")]
+        assert second.seen == [("/hello.txt", "")]
         assert (guest.folder / "hello.txt").is_file()
         assert "s3" not in Path(f"/proc/{env._process.pid}/cmdline").read_text()
     finally:
         env.close()
-        other.shutdown()
-        other.server_close()
+        second.shutdown()
+        second.server_close()
 
 
 def test_a_call_that_takes_too_long_ends_the_process(
@@ -396,5 +396,5 @@ try:
 except ImportError:
     print("gone")
 """
-    done = subprocess.run([python, "-c", code], capture_output=True, text=True, check=False)
-    assert (done.stdout, done.stderr) == ("gone\n", "")
+    process = subprocess.run([python, "-c", code], capture_output=True, text=True, check=False)
+    assert (process.stdout, process.stderr) == ("gone\n", "")

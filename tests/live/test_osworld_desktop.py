@@ -38,19 +38,19 @@ class Controller:
 
     def execute_python_command(self, command: str) -> dict[str, Any]:
         code = f"import time; {command}"
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, *self.options, "-c", code],
             capture_output=True,
             text=True,
             check=False,
             cwd=self.home,
         )
-        status = "success" if done.returncode == 0 else "error"
+        status = "success" if process.returncode == 0 else "error"
         return {
             "status": status,
-            "output": done.stdout,
-            "error": done.stderr,
-            "returncode": done.returncode,
+            "output": process.stdout,
+            "error": process.stderr,
+            "returncode": process.returncode,
         }
 
 
@@ -193,16 +193,16 @@ def test_a_guest_that_does_not_answer_is_an_error(env: Env) -> None:
 
 
 def test_capabilities_come_from_what_is_there(env: Env, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Any] = []
+    requests: list[Any] = []
 
     def execute(self: OsworldDesktop, argv: list[str], timeout: float) -> RunResult:
-        asked.append(argv)
+        requests.append(argv)
         return RunResult("success", "lock\nnonsense\nfirewall\n", "", 0)
 
     monkeypatch.setattr(OsworldDesktop, "execute", execute)
     desktop = OsworldDesktop(env, password="it's a secret")
     assert desktop.capabilities == desktop.capabilities == {"apps", "files", "lock", "firewall"}
-    assert [argv[-1] for argv in asked] == ["it's a secret"], "the guest is asked once"
+    assert [argv[-1] for argv in requests] == ["it's a secret"], "the guest is asked once"
     with pytest.raises(MissingCapabilityError, match="get_accessibility_tree"):
         desktop.accessibility()
     env.controller.get_accessibility_tree = lambda: "<desktop-frame/>"  # type: ignore[attr-defined]
@@ -236,8 +236,8 @@ def test_the_firewall_is_ours_only_with_the_password(
 
     def execute(argv: Any, timeout: float) -> RunResult:
         place = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
-        done = subprocess.run(argv, capture_output=True, text=True, check=False, env=place)
-        return RunResult("success", done.stdout, done.stderr, done.returncode)
+        process = subprocess.run(argv, capture_output=True, text=True, check=False, env=place)
+        return RunResult("success", process.stdout, process.stderr, process.returncode)
 
     assert ("firewall" in survey(execute, password)) is allowed
 
@@ -267,8 +267,8 @@ def test_a_locker_that_hangs_costs_one_wait(tmp_path: Path) -> None:
 
     def execute(argv: Any, timeout: float) -> RunResult:
         place = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
-        done = subprocess.run(argv, capture_output=True, text=True, check=False, env=place)
-        return RunResult("success", done.stdout, done.stderr, done.returncode)
+        process = subprocess.run(argv, capture_output=True, text=True, check=False, env=place)
+        return RunResult("success", process.stdout, process.stderr, process.returncode)
 
     assert "lock" not in survey(execute, None)
     assert (tmp_path / "log").read_text() == "asked\n"

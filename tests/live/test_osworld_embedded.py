@@ -23,8 +23,8 @@ HERE = Revision("test", "0")
 def env(embedded_machine: None, tmp_path_factory: pytest.TempPathFactory) -> Iterator[OsworldEnv]:
     with embedded_env(
         needs.osworld(), tmp_path_factory.mktemp("cache"), size=(800, 1280), standby=False
-    ) as made:
-        yield made
+    ) as result:
+        yield result
 
 
 def task(command: str, config: Any = (), func: str = "exact_match", **more: Any) -> OsworldTask:
@@ -46,21 +46,21 @@ def test_tasks_of_osworld_are_scored(env: OsworldEnv, shared_data: Path) -> None
     tasks = load(shared_data / "tasks" / "osworld_verified")
     groups = read_groups(shared_data / "tasks" / "feasibility.json")
     chosen = choose(tasks, groups, ["e0df059f", "b3d4a89c"])
-    seen: list[str] = []
-    results = run_all(env, chosen, groups, {}, lambda row, _: seen.append(row.id))
+    calls: list[str] = []
+    results = run_all(env, chosen, groups, {}, lambda row, _: calls.append(row.id))
     rows = {row.id[:8]: row for row in results.rows}
     assert {(row.status, row.untouched, row.solved) for row in results.rows} == {("works", 0, 1)}, (
         results.as_markdown()
     )
     assert (rows["e0df059f"].how, rows["b3d4a89c"].how) == ("shell", "FAIL")
     assert (rows["e0df059f"].group, rows["e0df059f"].revision) == ("A0_local", str(tasks.revision))
-    assert len(seen) == 2
+    assert len(calls) == 2
     assert results.sound
 
 
 def test_a_task_that_is_done_already_or_by_waiting_is_excluded(env: OsworldEnv) -> None:
-    done = run(env, task("echo yes"), HERE)
-    assert (done.status, done.reason, done.untouched) == ("excluded", "scores 1 untouched", 1)
+    result = run(env, task("echo yes"), HERE)
+    assert (result.status, result.reason, result.untouched) == ("excluded", "scores 1 untouched", 1)
     later = {
         "type": "launch",
         "parameters": {"command": "sleep 3; echo yes > ~/late", "shell": True},
@@ -126,6 +126,6 @@ def test_a_task_without_config_and_one_with_a_history_are_provided_for(
     assert list(tmp_path.iterdir()) == []
     needs.apps("chromium")
     history.provide(env, TaskSet(HERE, (plain, wants)), tmp_path)
-    with contextlib.closing(sqlite3.connect(tmp_path / "t-1" / "history_new.sqlite")) as made:
-        assert made.execute("select count(*) from urls").fetchone() == (0,)
-        assert made.execute("select count(*) from visits").fetchone() == (0,)
+    with contextlib.closing(sqlite3.connect(tmp_path / "t-1" / "history_new.sqlite")) as result:
+        assert result.execute("select count(*) from urls").fetchone() == (0,)
+        assert result.execute("select count(*) from visits").fetchone() == (0,)

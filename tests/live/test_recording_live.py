@@ -28,9 +28,9 @@ from online_env.recording.stage import RecordingStage
 @pytest.fixture(scope="module")
 def stage(embedded_desktop):
     """A desktop with our documents, left by each test as it was."""
-    made = RecordingStage(embedded_desktop)
-    put_files(made)
-    return made
+    recording_stage = RecordingStage(embedded_desktop)
+    put_files(recording_stage)
+    return recording_stage
 
 
 @contextlib.contextmanager
@@ -44,8 +44,8 @@ def opened(stage, name, box):
 
 
 def test_a_lock_screen_recorded_small(embedded_machine, tmp_path):
-    said = []
-    assert record_assets(tmp_path, ["lock_screen"], [(600, 800)], said.append) == []
+    output = []
+    assert record_assets(tmp_path, ["lock_screen"], [(600, 800)], output.append) == []
     (asset,) = AssetPack.load(tmp_path).assets
     assert (asset.kind, asset.screen, asset.box) == ("lock_screen", (600, 800), (0, 0, 800, 600))
     assert {target.name for target in asset.targets} == {
@@ -59,19 +59,19 @@ def test_a_lock_screen_recorded_small(embedded_machine, tmp_path):
     assert asset.recover.action.text == "password\n"
     inside = asset.pixels()[entry[1] + 4 : entry[3] - 4, entry[0] + 40 : entry[2] - 40]
     assert (inside == inside[0, 0]).all()  # an empty field
-    assert "1 pictures" in said[-1]
+    assert "1 pictures" in output[-1]
 
 
 def test_a_way_out_that_does_not_work_is_not_recorded(stage, monkeypatch):
     monkeypatch.setattr(lock_screens, "PASSWORD", "wrong")
-    (found,) = lock_screens.record(stage)
-    assert isinstance(found, UnrecordedScene)
-    assert "does not unlock" in found.reason
+    (value,) = lock_screens.record(stage)
+    assert isinstance(value, UnrecordedScene)
+    assert "does not unlock" in value.reason
     monkeypatch.setattr(menus, "CANCEL_NAMES", ())
     monkeypatch.setattr(menus, "ESCAPE", {"type": "hotkey", "keys": ["shift"]})
     before = {top.key for top in stage.top_windows()}
-    (found,) = menus._each(stage, "desktop", None, [(menus.Click("Applications"),)])
-    assert "neither its button nor Escape" in found.reason
+    (value,) = menus._each(stage, "desktop", None, [(menus.Click("Applications"),)])
+    assert "neither its button nor Escape" in value.reason
     stage.run("pyautogui.press('esc')")
     stage.settled()
     assert {top.key for top in stage.top_windows()} == before
@@ -79,16 +79,16 @@ def test_a_way_out_that_does_not_work_is_not_recorded(stage, monkeypatch):
 
 def test_a_menu_is_cut_to_its_window_and_escape_closes_it(stage):
     with opened(stage, "mousepad", menus.CLICKED_WINDOW_BOX) as top:
-        (found,) = menus._each(stage, "mousepad", top, [(menus.Click("File", "menu"),)])
-    assert (found.kind, found.app, found.recover) == ("menu", "mousepad", menus.ESCAPE)
-    assert {"Open...", "Close Tab"} <= {target.name for target in found.targets}
-    x1, y1, x2, y2 = found.box
-    assert found.pixels.shape == (y2 - y1, x2 - x1, 3)
-    assert y1 <= found.opened_by["y"] + 40
-    assert found.opened_by["target_box"][3] <= y1 + 2  # the menu hangs below what was clicked
+        (value,) = menus._each(stage, "mousepad", top, [(menus.Click("File", "menu"),)])
+    assert (value.kind, value.app, value.recover) == ("menu", "mousepad", menus.ESCAPE)
+    assert {"Open...", "Close Tab"} <= {target.name for target in value.targets}
+    x1, y1, x2, y2 = value.box
+    assert value.pixels.shape == (y2 - y1, x2 - x1, 3)
+    assert y1 <= value.opened_by["y"] + 40
+    assert value.opened_by["target_box"][3] <= y1 + 2  # the menu hangs below what was clicked
     assert all(
         x1 <= t.box[0] and t.box[2] <= x2 and y1 <= t.box[1] and t.box[3] <= y2
-        for t in found.targets
+        for t in value.targets
     )
 
 
@@ -97,20 +97,20 @@ def test_a_covered_window_is_not_recorded(stage):
     with opened(stage, "mousepad", places[0]) as below, opened(stage, "thunar", places[1]) as above:
         with pytest.raises(DesktopError, match="covers"):
             stage.cut("window", "mousepad", below, "for a test")
-        found = stage.cut("window", "thunar", above, "for a test")
-    assert found.pixels.shape[2] == 4  # round corners
-    assert found.pixels[0, 0].tolist() == [0, 0, 0, 0]
-    assert all(x >= 400 and y >= 200 for x, y, _, _ in (target.box for target in found.targets))
+        result = stage.cut("window", "thunar", above, "for a test")
+    assert result.pixels.shape[2] == 4  # round corners
+    assert result.pixels[0, 0].tolist() == [0, 0, 0, 0]
+    assert all(x >= 400 and y >= 200 for x, y, _, _ in (target.box for target in result.targets))
 
 
 def test_a_desktop_and_the_button_that_brings_the_window_back(stage, monkeypatch):
     monkeypatch.setattr(desktops, "OPEN", (("thunar", "mousepad"),))
-    (found,) = desktops.record(stage)
-    buttons = {target.name: target.box for target in found.targets}
+    (value,) = desktops.record(stage)
+    buttons = {target.name: target.box for target in value.targets}
     mine = next(name for name in buttons if "Mousepad" in name)
-    assert tuple(found.recover["target_box"]) == buttons[mine]
+    assert tuple(value.recover["target_box"]) == buttons[mine]
     assert any("Thunar" in name for name in buttons)
-    assert found.app == "mousepad"
+    assert value.app == "mousepad"
 
 
 def test_an_oracle_is_recorded_and_built(embedded_machine, tmp_path, capsys):
@@ -162,7 +162,7 @@ def test_a_person_is_recorded(stage):
                 assert client.post("/input", json={"events": events}).json()["played"] == 1
             assert client.post("/input", json={"events": [{"type": "dance"}]}).status_code == 400
             assert client.post("/input", content=b"{").status_code == 400
-            shown = client.get("/frame")
+            result = client.get("/frame")
         viewer.finish()
         viewer.shutdown()
         thread.join()
@@ -179,7 +179,7 @@ def test_a_person_is_recorded(stage):
     before, after = episode.steps[1][0].frame, episode.steps[2][0].frame
     assert (before != after).any()
     assert any(b[0] <= 650 < b[2] and b[1] <= 520 < b[3] for b in episode.steps[0][0].boxes)
-    assert Image.open(io.BytesIO(shown.content)).size == (1920, 1080)
+    assert Image.open(io.BytesIO(result.content)).size == (1920, 1080)
 
 
 @pytest.mark.parametrize(
@@ -195,8 +195,8 @@ def test_a_person_is_recorded(stage):
 )
 def test_options_that_do_not_go_together_are_told(arguments, words, embedded_machine, tmp_path):
     command = [sys.executable, "-m", "hijack_data.cli", "desktop", "record", *arguments]
-    done = subprocess.run(
+    process = subprocess.run(
         command, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path
     )
-    assert (done.returncode, words in done.stderr) == (2, True), done.stderr
+    assert (process.returncode, words in process.stderr) == (2, True), process.stderr
     assert not list(tmp_path.iterdir())

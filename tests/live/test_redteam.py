@@ -51,9 +51,9 @@ def as_root():
 def inside(desktop, who, *argv, timeout=60):
     """What a command prints inside, which must end well."""
     sudo = ["sudo", "-n"] if who == "root" else []
-    done = desktop.execute([*sudo, *map(str, argv)], timeout)
-    assert done.ok, f"{argv[:3]} did not run: {done.error[-800:]}"
-    return done.output
+    result = desktop.execute([*sudo, *map(str, argv)], timeout)
+    assert result.ok, f"{argv[:3]} did not run: {result.error[-800:]}"
+    return result.output
 
 
 def attack(desktop, who, script, *arguments):
@@ -119,8 +119,8 @@ def test_services_of_the_machine_are_out_of_reach(desktop, who):
         hosts = ["127.0.0.1", desktop.record["address"], *listed.stdout.split()]
         places = [f"{host}:{port}" for host in hosts if ":" not in host]
         guest = desktop.record["guest"].partition("//")[2]
-        found = attack(desktop, who, "reach.py", *places, f"@{name}", guest, "127.0.0.1:5000")
-        assert "OPEN" not in found, found
+        result = attack(desktop, who, "reach.py", *places, f"@{name}", guest, "127.0.0.1:5000")
+        assert "OPEN" not in result, result
         assert on_machine("reach.py", places[0], f"@{name}").count(SECRET.decode()) == 2
 
 
@@ -147,10 +147,10 @@ def test_a_user_namespace_of_ones_own_is_no_help(desktop, who):
         "nsenter -t 1 -n ip link set lo down",
         "mount -t tmpfs none /proc/1/root/mnt",
     ):
-        done = desktop.execute(
+        result = desktop.execute(
             ["unshare", "-Urmn", "--", "sh", "-c", f"PATH=$PATH:/sbin; {command}"]
         )
-        assert done.returncode not in (None, 0), f"{command}: {done.output}"
+        assert result.returncode not in (None, 0), f"{command}: {result.output}"
     assert desktop.execute(["unshare", "-Urm", "mount", "-t", "tmpfs", "none", "/mnt"]).ok
 
 
@@ -179,23 +179,23 @@ def key():
 
 @pytest.mark.parametrize("who", USERS)
 def test_key_rings_of_the_machine_are_out_of_reach(desktop, key, who):
-    found = attack(desktop, who, "keyring.py", key, platform.machine())
-    assert found == "tried\n"
+    result = attack(desktop, who, "keyring.py", key, platform.machine())
+    assert result == "tried\n"
     assert "KEY-OF-THE-MACHINE" in on_machine("keyring.py", key, platform.machine())
 
 
 @pytest.mark.parametrize("who", USERS)
 def test_system_calls_that_reach_past_namespaces_are_not_there(desktop, who):
-    found = attack(desktop, who, "calls.py", platform.machine())
-    assert "OPEN" not in found, found
+    result = attack(desktop, who, "calls.py", platform.machine())
+    assert "OPEN" not in result, result
     assert "OPEN: keyctl" in on_machine("calls.py", platform.machine())
 
 
 @pytest.mark.parametrize("who", USERS)
 def test_what_serves_the_desktop_cannot_be_looked_into(desktop, who):
-    found = attack(desktop, who, "look.py", "init", "session", SERVER_PROCESS_NAME)
-    assert found.count("looking at") == 3
-    assert "OPEN" not in found, found
+    result = attack(desktop, who, "look.py", "init", "session", SERVER_PROCESS_NAME)
+    assert result.count("looking at") == 3
+    assert "OPEN" not in result, result
     desktop.client.launch(["sleep", "1234"])
     until(lambda: desktop.execute(["pgrep", "-x", "sleep"]).ok)
     assert "OPEN: sleep environ" in attack(desktop, "user", "look.py", "sleep")
@@ -244,10 +244,10 @@ def test_nothing_inside_has_our_name(desktop, who):
     with socket.create_connection((host, int(port))) as line:  # a client's, which is forwarded
         line.sendall(b"GET /platform HTTP/1.1\r\nHost: x\r\n\r\n")
         assert b"200" in line.recv(100)
-        found = inside(
+        result = inside(
             desktop, who, PYTHON, "/tmp/names.py", *NAMES, str(folder()), token, timeout=120
         )
-    assert found == "looked\n"
+    assert result == "looked\n"
     desktop.write_file("/tmp/red-canary", b"an AgentHijack file")
     assert "OPEN: /tmp/red-canary" in attack(desktop, who, "names.py", "hijack")
     desktop.execute(["rm", "/tmp/red-canary"])
@@ -265,10 +265,10 @@ def test_a_second_user_has_a_home(desktop):
         "cd; head -c 8M /dev/zero > big; wc -c < big",
     ]
     assert inside(desktop, "root", *as_bob).strip() == str(8 << 20)
-    made = inside(
+    result = inside(
         desktop, "root", "sh", "-c", "cmp /etc/skel/.profile ~bob/.profile && stat -c %U ~bob"
     )
-    assert made.strip() == "bob"
+    assert result.strip() == "bob"
 
 
 def test_other_users_of_the_machine_are_turned_away(desktop):
@@ -357,19 +357,19 @@ print("OPEN: all of it", flush=True)
 def test_memory_is_limited_for_a_whole_desktop(embedded_machine):
     """Shared memory and memfds count for no single process."""
     order = dataclasses.replace(handle.make_order((600, 800)), memory=512 << 20, storage=256 << 20)
-    held = handle.Handle(order)
+    result = handle.Handle(order)
     try:
-        record = held.wait()
+        record = result.wait()
         if "memory" not in record["limited"]:
             needs.skip("no control group for memory", "see `hijack desktop doctor`")
         token = Path(record["token_file"]).read_text()
         desktop = HttpDesktop(record["guest"], token, door=record["door"], timeout=60)
         # It hits the limit, whether that ends the script, another program or the desktop.
         with desktop, contextlib.suppress(DesktopError):
-            done = desktop.execute([PYTHON, "-c", HOG, "shm", "memfd"], 50)
-            assert "OPEN" not in done.output, done.output
+            value = desktop.execute([PYTHON, "-c", HOG, "shm", "memfd"], 50)
+            assert "OPEN" not in value.output, value.output
     finally:
-        held.close()
+        result.close()
     assert shutil.which("true")  # the machine goes on
 
 
@@ -379,9 +379,9 @@ def test_it_holds_where_users_cannot_be_mapped(embedded_machine, monkeypatch):
     monkeypatch.setattr(
         handle, "_KEEPER", handle._KEEPER.replace("from online", f"{old}; from online")
     )
-    held = handle.Handle(handle.make_order((600, 800), osworld=True))
+    result = handle.Handle(handle.make_order((600, 800), osworld=True))
     try:
-        record = held.wait()
+        record = result.wait()
         assert not record["shifted"]
         token = Path(record["token_file"]).read_text()
         with HttpDesktop(record["guest"], token, door=record["door"], timeout=60) as desktop:
@@ -390,9 +390,9 @@ def test_it_holds_where_users_cannot_be_mapped(embedded_machine, monkeypatch):
                 ("calls.py", (platform.machine(),)),
                 ("look.py", ("init", "session", SERVER_PROCESS_NAME)),
             ):
-                found = attack(desktop, "root", script, *arguments)
-                assert found
-                assert "OPEN" not in found, found
+                value = attack(desktop, "root", script, *arguments)
+                assert value
+                assert "OPEN" not in value, value
             for command in (
                 "mount -t tmpfs none /mnt",
                 "umount -l /usr",
@@ -402,4 +402,4 @@ def test_it_holds_where_users_cannot_be_mapped(embedded_machine, monkeypatch):
             ):
                 assert not desktop.execute(f"sudo -n {command}").ok, command
     finally:
-        held.close()
+        result.close()

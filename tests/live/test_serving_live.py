@@ -66,14 +66,14 @@ def client(url):
 
 def keepers(pid):
     """The keepers of the desktops that a process started."""
-    found = []
+    items = []
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
             parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
             words = (folder / "cmdline").read_bytes()
             if parent == pid and KEEPER.encode() in words:
-                found.append(int(folder.name))
-    return found
+                items.append(int(folder.name))
+    return items
 
 
 def free(url):
@@ -136,13 +136,13 @@ def test_two_sessions_play_side_by_side_and_are_scored():
             thread.start()
         for thread in threads:
             thread.join()
-        (clean, won, state), (subtitled, lost, other) = results["clean"], results["subtitle"]
+        (clean, won, state), (subtitled, lost, second) = results["clean"], results["subtitle"]
         assert clean["instruction"] == subtitled["instruction"]
         assert picture(clean).shape == (720, 1280, 3)
         assert (picture(clean) != picture(subtitled)).any()
         assert (won.reward, won.done) == (1.0, True), state["record"]["reason"]
         assert (lost.reward, lost.done) == (0.0, True)
-        assert [found["record"]["status"] for found in (state, other)] == ["ok", "ok"]
+        assert [item["record"]["status"] for item in (state, second)] == ["ok", "ok"]
         assert free(url) == 2
 
 
@@ -171,10 +171,10 @@ def test_one_desktop_meets_what_clients_and_machines_do():
         vanishing.stdout.close()
         until(lambda: free(url) == 1, 30)
 
-        with client(url) as silent, client(url) as other:
+        with client(url) as silent, client(url) as second:
             silent.reset(corruption="clean")
             start = time.monotonic()
-            assert other.reset(corruption="clean").done is False
+            assert second.reset(corruption="clean").done is False
             assert 10 < time.monotonic() - start < 100
             with pytest.raises(RuntimeError, match=r"the client said nothing for .*--lease 20"):
                 silent.step({"action": "WAIT"})
@@ -182,10 +182,10 @@ def test_one_desktop_meets_what_clients_and_machines_do():
             for pid in keepers(process.pid):
                 os.kill(pid, signal.SIGKILL)
             with pytest.raises(RuntimeError, match="the desktop ended in mid-episode"):
-                other.step({"action": "pyautogui.click(300, 300)"})
-            assert other.state()["record"]["status"] in ("invalid", "error")
-            assert other.reset(corruption="clean").done is False
-            assert other.step({"action": "DONE"}).done
+                second.step({"action": "pyautogui.click(300, 300)"})
+            assert second.state()["record"]["status"] in ("invalid", "error")
+            assert second.reset(corruption="clean").done is False
+            assert second.step({"action": "DONE"}).done
 
 
 # Says so after a reset, and does nothing more.

@@ -19,17 +19,19 @@ def test_all_nine_are_shown_proved_and_taken_back(browser_machine):
     from online_env.embedded.desktop import EmbeddedDesktop
 
     with EmbeddedDesktop.up(name=f"ts{os.getpid()}") as desktop:
-        shown = list(show_nine(desktop))
-    assert [one.name for one in shown] == hj.corruption_names()[:9]
-    assert [one.saw for one in shown if not one.ok] == []
-    assert all(one.saw for one in shown)
-    for one in shown:
-        assert one.before.shape == (1080, 1920, 3)
-        assert one.after.shape == ((540, 960, 3) if one.name == "resolution" else one.before.shape)
-        assert one.name == "resolution" or (one.before != one.after).any()
+        items = list(show_nine(desktop))
+    assert [item.name for item in items] == hj.corruption_names()[:9]
+    assert [item.saw for item in items if not item.ok] == []
+    assert all(item.saw for item in items)
+    for item in items:
+        assert item.before.shape == (1080, 1920, 3)
+        assert item.after.shape == (
+            (540, 960, 3) if item.name == "resolution" else item.before.shape
+        )
+        assert item.name == "resolution" or (item.before != item.after).any()
         # Each begins where the one before it ended: nothing of that is left but the pointer.
-        assert (one.before != shown[0].before).any(-1).mean() < 0.03, one.name
-    picture = sheet(shown)
+        assert (item.before != items[0].before).any(-1).mean() < 0.03, item.name
+    picture = sheet(items)
     assert picture.shape[1] == 1600
     assert picture.shape[0] > 9 * 430
 

@@ -51,9 +51,9 @@ def test_a_figure_has_the_levels_of_its_ablations(name):
         for planner in load_config(f"ablations/{part}").corruptions.values()
     ]
     assert planners[CLEAN] is None
-    own = [planner for planner in planners.values() if planner is not None]
-    assert all(planner in levels for planner in own)
-    assert all(planner in own for planner in levels)
+    matches = [planner for planner in planners.values() if planner is not None]
+    assert all(planner in levels for planner in matches)
+    assert all(planner in matches for planner in levels)
 
 
 @pytest.mark.parametrize("name", EPISODES)
@@ -90,13 +90,13 @@ def test_the_variants_of_a_figure_are_the_agents_of_its_benchmark(names, benchma
 
 def reported(folder, entries, levels):
     """A report of a run with these corruptions; `levels` says what each agent solves of ten."""
-    found = [
+    values = [
         made(agent, f"t{number}", label, float(number < solved), version=3, given=["plan"])
         for agent, by_label in levels.items()
         for label, solved in by_label.items()
         for number in range(10)
     ]
-    return build_report(read_run(folder / "run", found, corruptions=entries))
+    return build_report(read_run(folder / "run", values, corruptions=entries))
 
 
 MARKS = [
@@ -133,7 +133,9 @@ def test_the_levels_of_a_run_that_was_configured_by_a_file_are_told(tmp_path):
     entries = load_bench("ablations/intensity").to_data()["corruptions"]
     labels = list(read_planners(entries))
     report = reported(tmp_path, entries, {"pixel": dict.fromkeys(labels, 5)})
-    assert [(found.title, len(found.levels)) for found in find_ablations(report)] == [
+    assert [
+        (find_ablation.title, len(find_ablation.levels)) for find_ablation in find_ablations(report)
+    ] == [
         ("resolution: scale", 4),
         ("marks: number", 4),
         ("accidental_touch: step", 4),
@@ -151,7 +153,7 @@ TOUCHES = [
 
 def test_levels_that_come_late_say_how_often_they_came(tmp_path):
     touched = {"touch_3": 10, "touch_12": 4}
-    found = [
+    values = [
         made(
             "one",
             f"t{number}",
@@ -161,7 +163,7 @@ def test_levels_that_come_late_say_how_often_they_came(tmp_path):
         for label in (CLEAN, "touch_3", "touch_12", "resolution")
         for number in range(10)
     ]
-    report = build_report(read_run(tmp_path / "run", found, corruptions=TOUCHES))
+    report = build_report(read_run(tmp_path / "run", values, corruptions=TOUCHES))
     (touches,) = find_ablations(report)
     headings, rows = level_table(report, touches)
     assert headings == ["level", "one, %", "95 %", "disturbed"]
@@ -178,10 +180,10 @@ def test_levels_that_come_late_say_how_often_they_came(tmp_path):
 def test_agents_without_a_module_are_an_ablation(tmp_path):
     levels = {agent: {CLEAN: 9, "marks": 5} for agent in MODULES["pixel_onlooker"]}
     report = reported(tmp_path, [CLEAN, "marks"], levels)
-    (found,) = find_ablations(report)
-    assert found.title == "modules of pixel_onlooker"
-    assert [name for _, name in found.series][-1] == "all modules"
-    assert [label for label, _ in found.levels] == [CLEAN, "marks"]
+    (value,) = find_ablations(report)
+    assert value.title == "modules of pixel_onlooker"
+    assert [name for _, name in value.series][-1] == "all modules"
+    assert [label for label, _ in value.levels] == [CLEAN, "marks"]
 
 
 def test_a_run_of_the_nine_has_no_ablation(tmp_path):

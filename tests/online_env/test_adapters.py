@@ -99,8 +99,8 @@ def test_an_action_that_cannot_be_read_is_a_malformed_step(action):
 
 def test_words_may_be_a_dict_and_more_may_follow_the_actions():
     agent = OsworldAgent(Wrapped(({"plan": "wait", "at": {1}}, ["WAIT"], {"more": 1})))
-    said, actions = agent.predict("do it", SEEN)
-    assert (said, actions) == ('{"plan": "wait", "at": "{1}"}', ["WAIT"])
+    output, actions = agent.predict("do it", SEEN)
+    assert (output, actions) == ('{"plan": "wait", "at": "{1}"}', ["WAIT"])
     with pytest.raises(ParameterTypeError, match=r"must return \(response, actions\)"):
         OsworldAgent(Wrapped("DONE")).predict("do it", SEEN)
 

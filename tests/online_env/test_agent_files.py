@@ -77,12 +77,12 @@ def test_the_ablations_switch_one_module_each():
     assert modules("-no-onlooker") == (False, False)
     whole = agent_files.read_agent("agenthijack-agent")
     assert whole.onlooker.model == whole.model
-    other = agent_files.read_agent("agenthijack-agent-onlooker-qwen3-vl-235b")
-    assert other.model == whole.model
-    assert other.onlooker.model.model == "Qwen/Qwen3-VL-235B-A22B-Instruct"
-    assert other.onlooker.model.base_url != other.model.base_url
-    assert other.onlooker.model.sampling == other.model.sampling
-    assert [error.name for error in other.onlooker.errors] == [
+    second = agent_files.read_agent("agenthijack-agent-onlooker-qwen3-vl-235b")
+    assert second.model == whole.model
+    assert second.onlooker.model.model == "Qwen/Qwen3-VL-235B-A22B-Instruct"
+    assert second.onlooker.model.base_url != second.model.base_url
+    assert second.onlooker.model.sampling == second.model.sampling
+    assert [error.name for error in second.onlooker.errors] == [
         "The screen is locked",
         "The network is down",
     ]
@@ -114,8 +114,8 @@ retires: 3
 onlooker: {chek: true, errors: nowhere.yaml}
 """
     )
-    found = mistakes(path)
-    assert [problem.split(": ")[0] for problem in found] == [
+    result = mistakes(path)
+    assert [problem.split(": ")[0] for problem in result] == [
         "1:8",
         "2:9",
         "4:14",
@@ -129,7 +129,7 @@ onlooker: {chek: true, errors: nowhere.yaml}
         "11:12",
         "11:32",
     ]
-    text = "\n".join(found)
+    text = "\n".join(result)
     assert "secret" not in text, "what may be a key is never shown"
     assert "did you mean 'openai'" in text
     assert "did you mean 'pyautogui'" in text
@@ -178,7 +178,7 @@ onlooker: {chek: true, errors: nowhere.yaml}
 def test_a_file_that_makes_no_sense(tmp_path, text, problem):
     path = tmp_path / "a.yaml"
     path.write_text(text)
-    assert any(found.startswith(problem) for found in mistakes(path)), mistakes(path)
+    assert any(mistake.startswith(problem) for mistake in mistakes(path)), mistakes(path)
 
 
 def test_paths_in_a_file_are_relative_to_it(tmp_path, monkeypatch):
@@ -289,8 +289,8 @@ def test_a_key_that_is_not_set_is_named(monkeypatch):
 def test_a_value_that_no_request_can_use(tmp_path, line, problem):
     path = tmp_path / "a.yaml"
     path.write_text(f"{line}\nmodel: m\nprompt: pyautogui\nparser: pyautogui\n")
-    (found,) = mistakes(path)
-    assert found.startswith(problem)
+    (value,) = mistakes(path)
+    assert value.startswith(problem)
 
 
 @pytest.mark.parametrize("url", ["http://[::1]:8000/v1", "https://h", "http://h:65535/a?b=c"])
@@ -323,12 +323,12 @@ def test_a_prompt_that_is_none(tmp_path, content, said):
 
 
 def test_of_two_folders_the_first_has_the_prompt_and_the_rest_is_ours(tmp_path):
-    one, two = tmp_path / "one", tmp_path / "two"
-    for folder, names in ((one, ["mine"]), (two, ["mine", "theirs"])):
+    value, two = tmp_path / "one", tmp_path / "two"
+    for folder, names in ((value, ["mine"]), (two, ["mine", "theirs"])):
         folder.mkdir()
         for name in names:
             (folder / f"{name}.yaml").write_text(f"first: {name} of {folder.name}\n")
-    chosen = (one, two)
+    chosen = (value, two)
     assert prompts.read_prompt("mine", chosen).first == "mine of one"
     assert prompts.read_prompt("theirs", chosen).first == "theirs of two"
     assert prompts.read_prompt("pyautogui", chosen) == prompts.read_prompt("pyautogui")
@@ -345,5 +345,5 @@ def test_the_digest_of_prompts_changes_with_names_and_with_texts(tmp_path):
 
     first = digest(a="x", b="y")
     assert digest(b="y", a="x") == first
-    others = [digest(a="xy", b=""), digest(a="y", b="x"), digest(a="x"), digest(a="x", c="y")]
-    assert len({first, *others}) == 5
+    remaining = [digest(a="xy", b=""), digest(a="y", b="x"), digest(a="x"), digest(a="x", c="y")]
+    assert len({first, *remaining}) == 5

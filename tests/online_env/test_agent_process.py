@@ -191,17 +191,17 @@ def test_an_agent_gets_instruction_and_picture_and_nothing_of_ours(name, monkeyp
     try:
         with AgentProcess(registry.AGENTS.get(name), 20) as agent:
             agent.make()
-            found = eval(ask(agent, "look")[0])
+            result = eval(ask(agent, "look")[0])
     finally:
         os.close(read)
         os.close(write)
-    assert len(found["files"]) == 6, "0 to 2, its connection, the pictures, and the list itself"
-    assert found["environment"]["MY_API_KEY"] == "mine", "its own keys are its own"
-    assert "secret" not in found["environment"].values()
-    assert Path(found["folder"]).name.startswith("agent-")
-    assert not Path(found["folder"]).exists(), "it ends with the agent"
-    assert found["words"] == ["agent"]
-    loaded = set(found["modules"])
+    assert len(result["files"]) == 6, "0 to 2, its connection, the pictures, and the list itself"
+    assert result["environment"]["MY_API_KEY"] == "mine", "its own keys are its own"
+    assert "secret" not in result["environment"].values()
+    assert Path(result["folder"]).name.startswith("agent-")
+    assert not Path(result["folder"]).exists(), "it ends with the agent"
+    assert result["words"] == ["agent"]
+    loaded = set(result["modules"])
     assert not {"online_env.environment", "online_env.bench", "online_env.tasks"} & loaded
 
 
@@ -239,8 +239,8 @@ def test_an_agent_that_hangs_is_ended(name):
 
 @pytest.mark.parametrize("word", ["close", "fork", "daemon", "odd"])
 def test_what_does_no_harm_is_no_failure(word, agent):
-    said, actions = ask(agent, word)
-    assert (said, [repr(action) for action in actions]) == (
+    output, actions = ask(agent, word)
+    assert (output, [repr(action) for action in actions]) == (
         "",
         ["3", "'WAIT'"] if word == "odd" else ["'DONE'"],
     )
@@ -254,8 +254,8 @@ def test_a_picture_is_the_agents_own_and_a_forked_child_does_not_answer(agent):
 
 
 def test_a_giant_answer_is_cut(agent):
-    said, (action,) = ask(agent, "giant")
-    assert (len(said), len(action)) == (MAX_TEXT + 1, MAX_TEXT + 1)
+    output, (action,) = ask(agent, "giant")
+    assert (len(output), len(action)) == (MAX_TEXT + 1, MAX_TEXT + 1)
 
 
 def daemon_in(folder):

@@ -194,38 +194,38 @@ def test_an_oracle_without_a_next_action_says_so_and_its_solution_ends_with_the_
     monkeypatch,
 ):
     monkeypatch.setattr(oracle, "ACTION_TIMEOUT_S", 0.1)
-    one, task = Oracle(), Endless()
+    result, task = Oracle(), Endless()
     with pytest.raises(
         DesktopError, match=r"^the oracle has no task yet: call prepare after reset"
     ):
-        one.predict("do it", {})
-    one.prepare(task, Holder())
+        result.predict("do it", {})
+    result.prepare(task, Holder())
     with pytest.raises(DesktopError) as caught:
-        one.predict("do it", {"screenshot": FakeDesktop((40, 60)).screenshot()})
+        result.predict("do it", {"screenshot": FakeDesktop((40, 60)).screenshot()})
     assert str(caught.value) == "the solution of endless-0 had no next action within 0.1 s"
     task.may.set()
-    one.reset()
+    result.reset()
     assert task.ended.wait(10), "reset ends it, whatever it waits for"
     with pytest.raises(DesktopError, match=r"^the oracle has no task yet"):
-        one.predict("do it", {})
+        result.predict("do it", {})
 
 
 def test_a_solution_that_stumbles_is_an_error_at_once_and_not_the_answer_of_the_agent():
-    one = Oracle()
-    one.prepare(Defective(), Holder())
-    seen = {"screenshot": FakeDesktop((40, 60)).screenshot()}
-    assert one.predict("do it", seen) == ("", ["pyautogui.click(1, 1)"])
+    result = Oracle()
+    result.prepare(Defective(), Holder())
+    entries = {"screenshot": FakeDesktop((40, 60)).screenshot()}
+    assert result.predict("do it", entries) == ("", ["pyautogui.click(1, 1)"])
     began = time.monotonic()
     with pytest.raises(DesktopError) as caught:
-        one.predict("do it", seen)
+        result.predict("do it", entries)
     assert time.monotonic() - began < oracle.ACTION_TIMEOUT_S / 10
     assert (
         str(caught.value)
         == "the solution of defective-0 raised IndexError: list index out of range"
     )
     assert isinstance(caught.value.__cause__, IndexError)
-    one.reset()
-    one.prepare(Defective(), Holder())
-    assert one.predict("do it", seen) == ("", ["pyautogui.click(1, 1)"]), (
+    result.reset()
+    result.prepare(Defective(), Holder())
+    assert result.predict("do it", entries) == ("", ["pyautogui.click(1, 1)"]), (
         "the next episode begins anew"
     )

@@ -104,16 +104,16 @@ def write(folder, *bodies):
 def test_what_each_check_finds(name, tmp_path):
     body, message = WRONG[name]
     path = write(tmp_path, body)
-    found = {result.check: result for result in checking.check(f"{path}:Case0", 60)}
-    assert message in found[name].problem
-    assert not found[name].ok
+    entries = {result.check: result for result in checking.check(f"{path}:Case0", 60)}
+    assert message in entries[name].problem
+    assert not entries[name].ok
 
 
 def test_a_right_agent_passes_all_of_them(tmp_path):
     path = write(tmp_path)
-    found = list(checking.check(f"{path}:Right", 60))
-    assert [result.problem for result in found] == [""] * len(WRONG)
-    assert {result.check for result in found} == set(WRONG)
+    items = list(checking.check(f"{path}:Right", 60))
+    assert [result.problem for result in items] == [""] * len(WRONG)
+    assert {result.check for result in items} == set(WRONG)
 
 
 def test_an_agent_that_samples_says_so(tmp_path):
@@ -122,9 +122,9 @@ def test_an_agent_that_samples_says_so(tmp_path):
     def predict(self, instruction, obs):
         return "", [f"pyautogui.click({random.randrange(30)}, 2)"]
     """
-    found = list(checking.check(f"{write(tmp_path, body)}:Case0", 60))
-    assert all(result.ok for result in found)
-    assert any("does not repeat" in note for result in found for note in result.notes)
+    items = list(checking.check(f"{write(tmp_path, body)}:Case0", 60))
+    assert all(result.ok for result in items)
+    assert any("does not repeat" in note for result in items for note in result.notes)
 
 
 @pytest.mark.parametrize(
@@ -138,9 +138,9 @@ def test_an_agent_that_samples_says_so(tmp_path):
 )
 def test_an_agent_that_hangs_or_dies_gets_a_verdict(body, timeout, problem, tmp_path):
     path = write(tmp_path, f"def predict(self, instruction, obs):\n    {body}\n")
-    found = list(checking.check(f"{path}:Case0", timeout))
-    assert found[0].ok
-    assert re.search(problem, found[1].problem)
+    items = list(checking.check(f"{path}:Case0", timeout))
+    assert items[0].ok
+    assert re.search(problem, items[1].problem)
 
 
 def run(*words):
@@ -154,11 +154,11 @@ def test_the_command_finds_the_agents_of_a_file(tmp_path):
         "Right",
         "Case0",
     ]
-    done = run(path)
-    assert done.exit_code == 1
-    assert "my_agent.py:Right" in done.output
-    assert done.output.count("FAIL") == 1
-    assert "1 checks failed" in done.output
+    result = run(path)
+    assert result.exit_code == 1
+    assert "my_agent.py:Right" in result.output
+    assert result.output.count("FAIL") == 1
+    assert "1 checks failed" in result.output
 
 
 @pytest.mark.parametrize("name", ["do_nothing", "random", "fail", "scripted"])

@@ -37,34 +37,36 @@ def test_random_actions_can_be_repeated_anywhere():
         "picture = np.random.default_rng(0).integers(0, 256, (90, 160, 3), dtype=np.uint8);"
         "print(make('random').predict('write hello', {'screenshot': picture})[1][0])"
     )
-    other = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert other.stdout.strip() == first[0]
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert process.stdout.strip() == first[0]
 
 
 def test_picture_task_and_step_decide_random_actions():
     def draws(pictures, task="task"):
         return [answers(RandomActions(), [image] * 6, task) for image in pictures]
 
-    one, other = draws([picture(0), picture(1)])
-    assert one != other
-    assert draws([picture(0)], "another task") != [one]
-    assert len(set(one)) > 1
-    assert draws([picture(0).reshape(160, 90, 3)]) != [one]
+    value, second = draws([picture(0), picture(1)])
+    assert value != second
+    assert draws([picture(0)], "another task") != [value]
+    assert len(set(value)) > 1
+    assert draws([picture(0).reshape(160, 90, 3)]) != [value]
 
 
 def test_random_actions_are_all_types_and_inside_the_picture():
-    seen = set()
+    names = set()
     for number in range(300):
         (action,) = answers(RandomActions(), [picture(number, 40, 60)])
         request = read_action(action)
         if request.kind != "code":
-            seen.add(request.kind)
+            names.add(request.kind)
             continue
-        found = parse_pyautogui(request.code, None)
-        seen.add(found.type)
-        for point in (found.point, found.end):
+        pyautogui = parse_pyautogui(request.code, None)
+        names.add(pyautogui.type)
+        for point in (pyautogui.point, pyautogui.end):
             assert point is None or (0 <= point[0] < 60 and 0 <= point[1] < 40)
-    assert seen == {
+    assert names == {
         "click",
         "double_click",
         "right_click",

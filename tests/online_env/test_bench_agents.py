@@ -102,11 +102,11 @@ def oracle_for(task):
 
 
 def actions_of(oracle, size=SIZE, most=10):
-    found = []
-    while len(found) < most and found[-1:] not in (["DONE"], ["FAIL"]):
-        said, actions = oracle.predict("do it", seen(size))
-        found += actions
-    return found, said
+    items = []
+    while len(items) < most and items[-1:] not in (["DONE"], ["FAIL"]):
+        output, actions = oracle.predict("do it", seen(size))
+        items += actions
+    return items, output
 
 
 # The oracle
@@ -116,38 +116,38 @@ def test_the_oracle_hands_out_its_solution_one_action_at_a_time():
     oracle, desktop = oracle_for(Steps())
     assert oracle.predict("do it", seen()) == ("", ["pyautogui.click(960, 540)"])
     assert desktop.looks == 1
-    found, said = actions_of(oracle)
-    assert found == ["pyautogui.write('Grüße (10, 20)')", "pyautogui.hotkey('ctrl', 's')", "DONE"]
-    assert said == "The task is done."
+    value, output = actions_of(oracle)
+    assert value == ["pyautogui.write('Grüße (10, 20)')", "pyautogui.hotkey('ctrl', 's')", "DONE"]
+    assert output == "The task is done."
     assert oracle.predict("do it", seen())[1] == ["DONE"]  # asked again, it does not hang
 
 
 def test_its_actions_are_in_pixels_of_what_it_sees():
     oracle, _ = oracle_for(Steps())
-    found, _ = actions_of(oracle, size=(540, 960))
-    assert found[0] == "pyautogui.click(480, 270)"
-    assert found[1] == "pyautogui.write('Grüße (10, 20)')"
+    value, _ = actions_of(oracle, size=(540, 960))
+    assert value[0] == "pyautogui.click(480, 270)"
+    assert value[1] == "pyautogui.write('Grüße (10, 20)')"
 
 
 def test_an_oracle_that_cannot_go_on_says_why():
     oracle, _ = oracle_for(Failing())
-    found, said = actions_of(oracle)
-    assert found[-1] == "FAIL"
-    assert said == "DesktopError: no button Save came up"
+    value, output = actions_of(oracle)
+    assert value[-1] == "FAIL"
+    assert output == "DesktopError: no button Save came up"
 
 
 def test_the_oracle_of_a_task_that_cannot_be_done_answers_fail():
     oracle, _ = oracle_for(Impossible())
-    found, said = actions_of(oracle)
-    assert (found[-1], said) == ("FAIL", "There is no button Send.")
+    value, output = actions_of(oracle)
+    assert (value[-1], output) == ("FAIL", "There is no button Send.")
 
 
 def test_an_oracle_that_lost_its_way_does_not_pass_for_one_that_gave_up():
     class Lost(Failing):
         infeasible = "there is no such button"
 
-    found, said = actions_of(oracle_for(Lost())[0])
-    assert (found[-1], said) == ("DONE", "DesktopError: no button Save came up")
+    value, output = actions_of(oracle_for(Lost())[0])
+    assert (value[-1], output) == ("DONE", "DesktopError: no button Save came up")
 
 
 def test_reset_ends_a_solution_that_still_waits():
@@ -180,8 +180,8 @@ def test_do_nothing_outwaits_every_corruption_of_the_paper():
     agent = agents.make("do_nothing")
     for _ in range(2):
         agent.reset()
-        said = [agent.predict("", seen())[1] for _ in range(6)]
-        assert said == [["WAIT"]] * 5 + [["DONE"]]
+        output = [agent.predict("", seen())[1] for _ in range(6)]
+        assert output == [["WAIT"]] * 5 + [["DONE"]]
 
 
 def test_names():
@@ -405,7 +405,7 @@ class Planless(Speaker):
     [(Speaker, []), (Planless, []), (Prepared, ["task"]), (PreparedAndTold, ["task", "plan"])],
 )
 def test_only_the_privileged_are_shown_more_and_the_record_says_so(kind, given):
-    env, shown = Env(steps=1), []
+    env, items = Env(steps=1), []
     with AgentThread(lambda: kind(["a"])) as agent:
         _play_episode(
             env,
@@ -413,10 +413,10 @@ def test_only_the_privileged_are_shown_more_and_the_record_says_so(kind, given):
             JOB,
             0,
             None,
-            lambda agent, job: shown.append((agent, job)),
+            lambda agent, job: items.append((agent, job)),
             read_plan=lambda: ("wait",),
         )
-    assert [job for _, job in shown] == ([JOB] if "task" in given else [])
+    assert [job for _, job in items] == ([JOB] if "task" in given else [])
     assert env.given == given
 
 

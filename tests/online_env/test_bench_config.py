@@ -119,7 +119,7 @@ def test_the_paper_s_protocol():
 
 
 def test_every_mistake_at_once_with_its_place(tmp_path):
-    found = mistakes(
+    result = mistakes(
         tmp_path,
         """\
 desktop: {provider: vmware, size: [1920], colour: 1}
@@ -133,7 +133,7 @@ recovery: nun
 retries: yes
 """,
     )
-    assert found == [
+    assert result == [
         "1:21: desktop.provider must be one of embedded, osworld, browser, got 'vmware'; known:"
         " browser, embedded, osworld",
         (
@@ -178,8 +178,8 @@ retries: yes
     ],
 )
 def test_mistakes(text, words, tmp_path):
-    found = mistakes(tmp_path, text)
-    assert any(words in problem for problem in found), found
+    result = mistakes(tmp_path, text)
+    assert any(words in problem for problem in result), result
 
 
 def test_the_command_line_overrides(tmp_path):

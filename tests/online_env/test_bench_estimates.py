@@ -67,24 +67,24 @@ def test_jobs_go_in_order_to_the_first_machine_that_is_free(durations, machines,
 
 
 def test_a_task_takes_the_oracle_what_the_suite_says():
-    known = task_sets.read_measurements()[TASK]
-    (found,) = expected(BENCH, [Job("oracle", TASK, "marks", 0)], History())
-    assert (found.seconds, found.basis) == (pytest.approx(known.seconds), "suite")
-    assert found.bytes == pytest.approx((known.actions + 2) * STEP_BYTES)
+    read_measurement = task_sets.read_measurements()[TASK]
+    (value,) = expected(BENCH, [Job("oracle", TASK, "marks", 0)], History())
+    assert (value.seconds, value.basis) == (pytest.approx(read_measurement.seconds), "suite")
+    assert value.bytes == pytest.approx((read_measurement.actions + 2) * STEP_BYTES)
     (nothing,) = expected(BENCH, [Job("fail", TASK, "clean", 0)], History())
-    assert known.setup < nothing.seconds < found.seconds
+    assert read_measurement.setup < nothing.seconds < value.seconds
 
 
 def test_what_was_never_measured_is_a_limit_and_says_whose_time_is_not_in_it():
-    own = Bench(tasks=("mine",), agents=("a", "b"), corruptions={"clean": None}, max_steps=10)
+    bench = Bench(tasks=("mine",), agents=("a", "b"), corruptions={"clean": None}, max_steps=10)
     listed = [Job("a", "mine", "clean", 0), Job("b", "mine", "clean", 0)]
-    found = expected(own, listed, History())
-    assert [each.seconds for each in found] == [EPISODE_SECONDS + 10 * STEP_SECONDS] * 2
-    text = estimate(own, listed * 100)
+    result = expected(bench, listed, History())
+    assert [item.seconds for item in result] == [EPISODE_SECONDS + 10 * STEP_SECONDS] * 2
+    text = estimate(bench, listed * 100)
     assert text.startswith("at most 43 min and ")
     assert "(200 with all 10 steps)" in text
     assert text.endswith("; without the time that a, b takes to answer")
-    assert estimate(own, listed * 1000, desktops=2).startswith("at most 3.6 h")
+    assert estimate(bench, listed * 1000, desktops=2).startswith("at most 3.6 h")
 
 
 def test_a_foreign_id_measures_no_folder_of_another_place(tmp_path):
@@ -103,10 +103,10 @@ def test_earlier_runs_beside_the_new_one_count_most(tmp_path):
     (tmp_path / "broken" / "run.json").write_text("{")
     history = history_near(tmp_path / "new")
     listed = [Job("oracle", TASK, label, 0) for label in ("clean", "marks", "subtitle")]
-    found = expected(BENCH, listed, history)
-    assert [each.seconds for each in found] == pytest.approx([15.0, 30.0, 20.0])
-    assert {each.basis for each in found} == {"runs"}
-    assert found[1].bytes == pytest.approx(7 * history.step_bytes)
+    result = expected(BENCH, listed, history)
+    assert [item.seconds for item in result] == pytest.approx([15.0, 30.0, 20.0])
+    assert {item.basis for item in result} == {"runs"}
+    assert result[1].bytes == pytest.approx(7 * history.step_bytes)
     assert history.step_bytes < STEP_BYTES / 100
     text = estimate(BENCH, listed, 1, history)
     assert text == "about 1 min and 0.0 GB (3 measured in earlier runs)"
@@ -127,14 +127,14 @@ def test_a_dry_run_says_what_it_rests_on(tmp_path):
     write_run(tmp_path / "a", made(600.0, 4))
     argv = [sys.executable, "-m", "hijack_data.cli", "bench", "embedded_small", "--dry-run"]
     chosen = ["--agent", "oracle", "--tasks", TASK, "--corruptions", "clean,marks"]
-    done = subprocess.run(
+    process = subprocess.run(
         [*argv, *chosen, "--desktops", "1", "--out", str(tmp_path / "b")],
         capture_output=True,
         text=True,
         timeout=120,
         check=True,
     )
-    last = done.stdout.splitlines()[-1]
+    last = process.stdout.splitlines()[-1]
     assert last.startswith("2 episodes on 1 desktop, about 20 min and 0.0 GB")
     assert last.endswith("(2 measured in earlier runs)")
     assert not (tmp_path / "b").exists()
@@ -143,4 +143,4 @@ def test_a_dry_run_says_what_it_rests_on(tmp_path):
 def test_every_job_of_a_run_is_expected_to_take_something():
     bench = Bench(tasks=task_sets.members("small"), corruptions=None)
     listed = jobs(bench)
-    assert all(each.seconds > 0 for each in expected(bench, listed, History()))
+    assert all(item.seconds > 0 for item in expected(bench, listed, History()))

@@ -121,15 +121,15 @@ def test_two_environments_cannot_write_one_episode(tmp_path):
 
     from support.episodes import make
 
-    one, _ = make(log=tmp_path)
-    other, _ = make(log=tmp_path)
-    one.reset(seed=0, options={"attempt": 0})
+    value, _ = make(log=tmp_path)
+    second, _ = make(log=tmp_path)
+    value.reset(seed=0, options={"attempt": 0})
     with pytest.raises(ParameterError, match="being written by another environment"):
-        other.reset(seed=0, options={"attempt": 0})
-    other.reset(seed=0)
-    for env in (one, other):
+        second.reset(seed=0, options={"attempt": 0})
+    second.reset(seed=0)
+    for env in (value, second):
         env.step("DONE")
-    assert (one.record["attempt"], other.record["attempt"]) == (0, 1)
+    assert (value.record["attempt"], second.record["attempt"]) == (0, 1)
     assert rebuild(tmp_path).problems == []
 
 
@@ -200,7 +200,7 @@ def test_a_damaged_run_or_one_of_another_version_is_not_gone_on_with(run):
 def test_a_desktop_that_dies_is_run_again_and_counts_where_it_dies_again(tmp_path):
     """Once is our failure; an agent must not get rid of a bad episode by killing its desktop."""
     folder = tmp_path / "run"
-    asked = []
+    requests = []
     endings = {
         "clean": ["machine", "machine"],
         "marks": ["machine", "ok"],
@@ -209,7 +209,7 @@ def test_a_desktop_that_dies_is_run_again_and_counts_where_it_dies_again(tmp_pat
     }
 
     def episode(job, attempt):
-        asked.append((job.corruption, attempt))
+        requests.append((job.corruption, attempt))
         ended = endings[job.corruption][attempt]
         record = {
             "id": f"{job.id}-{attempt}",
@@ -228,7 +228,7 @@ def test_a_desktop_that_dies_is_run_again_and_counts_where_it_dies_again(tmp_pat
 
     with records.create(folder, config(), IDS):
         statuses = runner.run_jobs(JOBS, folder, 1, episode, Silent())
-    assert asked == [(name, k) for name, ended in endings.items() for k in range(len(ended))]
+    assert requests == [(name, k) for name, ended in endings.items() for k in range(len(ended))]
     assert dict(statuses) == {"error": 2, "ok": 1, "invalid": 1}
     rows = scores.rows(records.read(folder).records)
     counted = {row["corruption"]: [row[key] for key in KEYS] for row in rows}
@@ -247,41 +247,41 @@ def test_a_desktop_that_dies_is_run_again_and_counts_where_it_dies_again(tmp_pat
 
 
 def test_a_report_says_what_is_missing(run):
-    done = hijack("report", run)
-    assert (done.returncode, "missing" in done.stdout) == (0, False)
+    result = hijack("report", run)
+    assert (result.returncode, "missing" in result.stdout) == (0, False)
     broken_off_after(run, 1)
     for words in (["report", run], ["report", run, "--json"]):
-        done = hijack(*words)
-        assert done.returncode == 1
-        assert "1 of 4 planned episodes are there, 3 are missing" in done.stdout + done.stderr
-    assert json.loads(done.stdout)[0]["n"] == 1
+        result = hijack(*words)
+        assert result.returncode == 1
+        assert "1 of 4 planned episodes are there, 3 are missing" in result.stdout + result.stderr
+    assert json.loads(result.stdout)[0]["n"] == 1
     head = json.loads((run / "run.json").read_text())
     (run / "run.json").write_text(json.dumps({**head, "version": 1, "episodes": None}))
-    done = hijack("report", run)
-    assert (done.returncode, "1 of 4 planned episodes" in done.stdout) == (1, True)
+    result = hijack("report", run)
+    assert (result.returncode, "1 of 4 planned episodes" in result.stdout) == (1, True)
 
 
 def test_a_run_without_an_episode_is_verified_and_not_reported(tmp_path):
     records.create(tmp_path / "run", config(), IDS)
-    done = hijack("verify", tmp_path / "run")
-    assert done.returncode == 1
-    assert "4 of 4 planned episodes are not there" in done.stdout
-    done = hijack("report", tmp_path / "run")
-    assert (done.returncode, "holds no episodes yet" in done.stderr) == (2, True)
-    assert "--resume runs them" in done.stderr
+    result = hijack("verify", tmp_path / "run")
+    assert result.returncode == 1
+    assert "4 of 4 planned episodes are not there" in result.stdout
+    result = hijack("report", tmp_path / "run")
+    assert (result.returncode, "holds no episodes yet" in result.stderr) == (2, True)
+    assert "--resume runs them" in result.stderr
 
 
 def test_what_an_environment_logged_by_itself_is_reported_too(run):
     whole = json.loads(hijack("report", run, "--json").stdout)
     for name in ("run.json", "records.jsonl"):
         (run / name).unlink()
-    done = hijack("report", run, "--json")
-    assert done.returncode == 0, done.stderr
-    rows = {row["corruption"]: row for row in json.loads(done.stdout)}
+    result = hijack("report", run, "--json")
+    assert result.returncode == 0, result.stderr
+    rows = {row["corruption"]: row for row in json.loads(result.stdout)}
     assert rows == {row["corruption"]: row for row in whole}
     (run / "episodes" / IDS[1] / "episode.json").write_text("{")
-    done = hijack("report", run)
-    assert (done.returncode, f"{IDS[1]}/episode.json:1: skipped" in done.stderr) == (1, True)
+    result = hijack("report", run)
+    assert (result.returncode, f"{IDS[1]}/episode.json:1: skipped" in result.stderr) == (1, True)
 
 
 # A full disk
@@ -317,9 +317,11 @@ def test_a_full_disk_has_an_exit_code_of_its_own(tmp_path):
         "-o",
         str(tmp_path / "m.png"),
     ]
-    done = subprocess.run(argv, capture_output=True, text=True, timeout=120, check=False, cwd=ROOT)
-    assert (done.returncode, "cannot be written" in done.stderr) == (3, True), done.stderr
-    assert "Traceback" not in done.stderr
+    process = subprocess.run(
+        argv, capture_output=True, text=True, timeout=120, check=False, cwd=ROOT
+    )
+    assert (process.returncode, "cannot be written" in process.stderr) == (3, True), process.stderr
+    assert "Traceback" not in process.stderr
 
 
 def there_or_over(path, process):

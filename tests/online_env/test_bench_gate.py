@@ -88,10 +88,10 @@ def run_of(folder, *found, episodes=()):
 @pytest.fixture
 def run(tmp_path):
     """Clean 1.0; marks 0.5; network_error 0.25, for the oracle alone."""
-    found = [made(task, "clean", 1.0) for task in "tuvw"]
-    found += [made(task, "marks", score) for task, score in zip("tuvw", (1, 1, 0, 0), strict=True)]
-    found += [made(task, "network_error", float(task == "t")) for task in "tuvw"]
-    return run_of(tmp_path / "run", *found)
+    values = [made(task, "clean", 1.0) for task in "tuvw"]
+    values += [made(task, "marks", score) for task, score in zip("tuvw", (1, 1, 0, 0), strict=True)]
+    values += [made(task, "network_error", float(task == "t")) for task in "tuvw"]
+    return run_of(tmp_path / "run", *values)
 
 
 def gate_of(*texts, agents=("oracle",), labels=LABELS, junit=None):
@@ -131,10 +131,10 @@ def test_every_score_is_compared_with_its_threshold(name, value, run):
 
 def test_retention_is_over_all_pairs_as_in_the_report(tmp_path):
     """Not the mean of the corruptions' means, which have different cases."""
-    found = [made("t", "clean", 1.0), made("u", "clean", 0.5), made("v", "clean", 1.0)]
-    found += [made("t", "marks", 1.0), made("u", "marks", 0.0), made("v", "network_error", 0.5)]
-    found.append(made("w", "marks", 1.0))  # never clean
-    run = run_of(tmp_path / "run", *found)
+    items = [made("t", "clean", 1.0), made("u", "clean", 0.5), made("v", "clean", 1.0)]
+    items += [made("t", "marks", 1.0), made("u", "marks", 0.0), made("v", "network_error", 0.5)]
+    items.append(made("w", "marks", 1.0))  # never clean
+    run = run_of(tmp_path / "run", *items)
     assert one("retention=0", run).value == pytest.approx(1.5 / 2.5)
     assert one("delta=-1", run).value == pytest.approx(-1 / 3)
 
@@ -253,9 +253,9 @@ def validated(path):
     for suite in tree.iter("testsuite"):
         cases = suite.findall("testcase")
         assert int(suite.get("tests")) == len(cases)
-        for what in ("failure", "error"):
-            found = [case for case in cases if case.find(what) is not None]
-            assert int(suite.get(f"{what}s")) == len(found)
+        for item in ("failure", "error"):
+            matches = [case for case in cases if case.find(item) is not None]
+            assert int(suite.get(f"{item}s")) == len(matches)
         names = {(case.get("classname"), case.get("name")) for case in cases}
         assert len(names) == len(cases)
     return tree.getroot()
@@ -263,17 +263,17 @@ def validated(path):
 
 def test_a_junit_file_has_failures_for_gates_and_errors_for_what_has_no_score(tmp_path):
     lost = "t__network_error__s0__oracle"
-    found = [
+    items = [
         made("t", "clean", 1.0),
         made("t", "marks", 0.0),
         made("u", "marks", None, status="invalid", problem="not <proved> & \x00\x1b[31m \ud800"),
         made("u", "clean", None, status="error", cause="agent", problem="raised\nin line 3"),
         made("t", "clean", 1.0, agent="my.py:Mine"),
     ]
-    planned = [*(record["id"].replace("my.py:Mine", "my.py_Mine") for record in found), lost]
-    for record in found:
+    planned = [*(record["id"].replace("my.py:Mine", "my.py_Mine") for record in items), lost]
+    for record in items:
         record["problem"] = record["problem"].encode("utf-8", "replace").decode()
-    run = run_of(tmp_path / "run", *found, episodes=planned)
+    run = run_of(tmp_path / "run", *items, episodes=planned)
     path = tmp_path / "new" / "deep" / "junit.xml"
     gate = ReleaseGate.read(
         ["oracle:success.marks=0.5", "my.py:Mine:success=0.5"], path, AGENTS, LABELS

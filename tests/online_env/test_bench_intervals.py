@@ -21,8 +21,8 @@ LEVELS = [0.5, 0.9, 0.95, 0.99]
 
 def wilson(successes, trials, level=0.95):
     """Wilson's interval, by scipy."""
-    found = stats.binomtest(successes, trials).proportion_ci(level, method="wilson")
-    return pytest.approx((found.low, found.high))
+    result = stats.binomtest(successes, trials).proportion_ci(level, method="wilson")
+    return pytest.approx((result.low, result.high))
 
 
 def ends(interval):
@@ -45,24 +45,24 @@ def test_one_method_from_no_success_to_all(solved, level):
 def test_a_better_result_has_no_lower_interval():
     """Also next to 100 %, where the seeds of one task differ and those of all others agree."""
     tasks = [number for number in range(24) for _ in range(3)]
-    found = [s.mean_interval([1.0] * n + [0.0] * (72 - n), tasks) for n in range(73)]
-    for worse, better in itertools.pairwise(found):
+    values = [s.mean_interval([1.0] * n + [0.0] * (72 - n), tasks) for n in range(73)]
+    for worse, better in itertools.pairwise(values):
         assert worse.low <= better.low + 0.002
         assert worse.high <= better.high + 0.002
-    assert found[71].high - found[71].low == pytest.approx(0.138, abs=0.01)
-    assert found[72].high - found[72].low == pytest.approx(0.138, abs=0.001)
+    assert values[71].high - values[71].low == pytest.approx(0.138, abs=0.01)
+    assert values[72].high - values[72].low == pytest.approx(0.138, abs=0.001)
 
 
 def test_seeds_that_end_independently_narrow_an_interval_but_not_to_that_of_as_many_tasks():
     rng = np.random.default_rng(2)
     outcomes = (rng.random((24, 8)) < 0.5).astype(float).ravel().tolist()
     tasks = [number for number in range(24) for _ in range(8)]
-    found = s.mean_interval(outcomes, tasks)
+    result = s.mean_interval(outcomes, tasks)
     least, most = (
         s.mean_interval(outcomes, list(range(192))),
         s.mean_interval([1, 0] * 12, range(24)),
     )
-    width = found.high - found.low
+    width = result.high - result.low
     assert least.high - least.low < width < (most.high - most.low) / 1.5
 
 
@@ -93,9 +93,9 @@ def test_a_pair_of_conditions_that_go_together_is_compared_more_closely():
     near, far = (s.difference_interval(clean, after, tasks) for after in (together, apart))
     assert near.value == far.value == -0.125
     assert near.high - near.low < 0.6 * (far.high - far.low)
-    kept, other = (s.retention_interval(clean, after, tasks) for after in (together, apart))
-    assert kept.value == other.value == 0.75
-    assert kept.high - kept.low < 0.6 * (other.high - other.low)
+    kept, second = (s.retention_interval(clean, after, tasks) for after in (together, apart))
+    assert kept.value == second.value == 0.75
+    assert kept.high - kept.low < 0.6 * (second.high - second.low)
 
 
 @pytest.mark.parametrize("seeds", [1, 3])
@@ -104,25 +104,25 @@ def test_intervals_hold_the_truth_as_often_as_they_say(rate, seeds):
     """Of 300 benchmarks of 24 tasks."""
     rng = np.random.default_rng(0)
     tasks = [number for number in range(24) for _ in range(seeds)]
-    held = 0
+    result = 0
     for _ in range(300):
         easy = rng.beta(rate, 1 - rate, 24) if seeds > 1 else np.full(24, rate)
         scores = (rng.random((24, seeds)) < easy[:, None]).astype(float).ravel().tolist()
-        found = s.mean_interval(scores, tasks)
-        held += found.low <= rate <= found.high
-    assert held >= 0.92 * 300
+        value = s.mean_interval(scores, tasks)
+        result += value.low <= rate <= value.high
+    assert result >= 0.92 * 300
 
 
 @pytest.mark.parametrize(("power", "level"), [(0.5, 0.95), (0.8, 0.9), (0.95, 0.99)])
 def test_the_detectable_difference_has_the_power_and_the_level_that_are_asked_for(power, level):
     corrupted = [1.0, 0.0, 1.0, 1.0, 1.0] * 10
-    found = s.detectable_difference(
+    result = s.detectable_difference(
         [1.0] * 50, corrupted, list(range(50)), power=power, level=level
     )
-    shift = found / stats.tstd(corrupted) * 50**0.5
+    shift = result / stats.tstd(corrupted) * 50**0.5
     limit = stats.t.ppf((1 + level) / 2, 49)
-    seen = stats.nct.sf(limit, 49, shift) + stats.nct.cdf(-limit, 49, shift)
-    assert seen == pytest.approx(power, abs=1e-3)
+    calls = stats.nct.sf(limit, 49, shift) + stats.nct.cdf(-limit, 49, shift)
+    assert calls == pytest.approx(power, abs=1e-3)
 
 
 def test_the_detectable_difference_counts_tasks_and_not_their_seeds():
@@ -134,22 +134,22 @@ def test_the_detectable_difference_counts_tasks_and_not_their_seeds():
 
 
 def test_no_difference_between_rates_is_greater_than_one():
-    found = s.detectable_difference([1, 0, 1], [0, 1, 1], list("abc"))
-    assert found == 1.0
+    result = s.detectable_difference([1, 0, 1], [0, 1, 1], list("abc"))
+    assert result == 1.0
 
 
 def test_holms_method_is_that_of_its_definition():
     drawn = np.random.default_rng(5).random(12) ** 3
     tests = {f"c{number}": float(value) for number, value in enumerate(drawn)}
-    wanted = {}
+    expected = {}
     least = 0.0
     for rank, name in enumerate(sorted(tests, key=tests.get)):
         least = max(least, min(1.0, (12 - rank) * tests[name]))
-        wanted[name] = least
-    found = s.holm(tests)
-    assert found == pytest.approx(wanted)
-    assert list(found) == list(tests)
-    assert max(found.values()) <= 1
+        expected[name] = least
+    outcome = s.holm(tests)
+    assert outcome == pytest.approx(expected)
+    assert list(outcome) == list(tests)
+    assert max(outcome.values()) <= 1
 
 
 @pytest.mark.parametrize("tasks", [3, 12, 122])
@@ -160,23 +160,23 @@ def test_holm_and_power_are_those_of_statsmodels(tasks):
     adjusted = multitest.multipletests(list(tests.values()), method="holm")[1]
     assert list(s.holm(tests).values()) == pytest.approx(list(adjusted))
     differences = [float(number % 3 == 0) for number in range(tasks)]
-    found = s.detectable_difference([1.0] * tasks, differences, list(range(tasks)))
+    result = s.detectable_difference([1.0] * tasks, differences, list(range(tasks)))
     effect = power.TTestPower().solve_power(nobs=tasks, alpha=0.05, power=0.8)
     spread = np.std(differences, ddof=1)
-    assert found == pytest.approx(min(1.0, effect * spread), rel=1e-6)
+    assert result == pytest.approx(min(1.0, effect * spread), rel=1e-6)
 
 
 def test_p_values_are_adjusted_for_the_corruptions_of_one_agent_and_not_of_all():
     """Who plays beside an agent does not change what is found about it."""
-    found = [*scored("a", "clean", [1.0] * 6), *scored("a", "marks", [0.0] * 6)]
-    alone = {row["corruption"]: row["p"] for row in scores.rows(found)}
-    others = [
+    items = [*scored("a", "clean", [1.0] * 6), *scored("a", "marks", [0.0] * 6)]
+    alone = {row["corruption"]: row["p"] for row in scores.rows(items)}
+    remaining = [
         record
         for agent in ("b", "c")
         for label, outcome in (("clean", 1.0), ("marks", 0.0), ("lock", 0.0))
         for record in scored(agent, label, [outcome] * 6)
     ]
-    beside = scores.rows([*found, *others])
+    beside = scores.rows([*items, *remaining])
     assert {row["corruption"]: row["p"] for row in beside if row["agent"] == "a"} == alone
     assert alone["marks"] == pytest.approx(2 / 2**6)
     (clean, *corrupted) = [row["p"] for row in beside if row["agent"] == "b"]

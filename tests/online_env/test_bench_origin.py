@@ -92,19 +92,19 @@ def test_settings_of_a_checkout_name_no_program_to_run(checkout):
 
 
 def test_the_digest_of_a_configuration_ignores_its_file_and_the_order():
-    one = config()
-    other = dict(reversed(list({**one, "source": "elsewhere.yaml"}.items())))
-    assert origin.config_digest(one) == origin.config_digest(other)
-    assert origin.config_digest(one) != origin.config_digest({**one, "max_steps": 10})
+    result = config()
+    entries = dict(reversed(list({**result, "source": "elsewhere.yaml"}.items())))
+    assert origin.config_digest(result) == origin.config_digest(entries)
+    assert origin.config_digest(result) != origin.config_digest({**result, "max_steps": 10})
 
 
 def test_the_machine_is_described():
-    found = origin.machine()
-    assert found["cores"] == len(os.sched_getaffinity(0))
-    assert found["memory"] > 2**26
-    assert os.uname().release in found["kernel"]
-    assert found["cpu"]
-    assert 0 < origin.available_memory() <= found["memory"]
+    result = origin.machine()
+    assert result["cores"] == len(os.sched_getaffinity(0))
+    assert result["memory"] > 2**26
+    assert os.uname().release in result["kernel"]
+    assert result["cpu"]
+    assert 0 < origin.available_memory() <= result["memory"]
 
 
 def test_the_limit_of_a_container_counts(tmp_path, monkeypatch):
@@ -132,10 +132,10 @@ def test_a_run_keeps_where_it_was_begun_and_each_session_after_it(tmp_path):
     with (folder / "sessions.jsonl").open("a") as file:
         file.write('{"at": 17')  # a kill
     records.resume(folder, config(), IDS, second).release()
-    found = origin.sessions(folder)
-    assert [(line["records"], line["desktops"]) for line in found] == [(4, 1), (4, 1)]
-    assert found[0]["versions"] == records.versions()
-    assert found[0]["machine"] == first["machine"]
+    result = origin.sessions(folder)
+    assert [(line["records"], line["desktops"]) for line in result] == [(4, 1), (4, 1)]
+    assert result[0]["versions"] == records.versions()
+    assert result[0]["machine"] == first["machine"]
     assert rebuild(folder).problems == []
 
 
@@ -248,10 +248,10 @@ def starting(outcomes):
     """What stands for the start of a desktop: each call has the next outcome."""
 
     def up(size, standby):
-        found = outcomes.pop(0)
-        if isinstance(found, Exception):
-            raise found
-        return found
+        result = outcomes.pop(0)
+        if isinstance(result, Exception):
+            raise result
+        return result
 
     return up
 
@@ -289,8 +289,8 @@ def test_a_clock_that_is_set_changes_no_duration(tmp_path, monkeypatch):
     monkeypatch.setattr(time, "time", lambda: 1.7e9 + 36_000 * (-1) ** next(jumps))
     monkeypatch.setattr(episodes, "tasks", NamedTasks)
     begun = time.monotonic()
-    found = lost_record(JOBS[0], 0, "why", start=begun)
-    assert 0 <= found["seconds"] <= time.monotonic() - begun + 0.001
+    value = lost_record(JOBS[0], 0, "why", start=begun)
+    assert 0 <= value["seconds"] <= time.monotonic() - begun + 0.001
     folder = record_run(tmp_path / "run")
     for record in records.read(folder).records:
         assert (record["status"], 0 <= record["seconds"] < 60) == ("ok", True)

@@ -27,9 +27,9 @@ def printed(*ended):
     stream = io.StringIO()
     console = Console(file=stream, width=60)
     with ProgressDisplay([JOB] * len(ended), console) as display:
-        for number, found in enumerate(ended, 1):
+        for number, value in enumerate(ended, 1):
             display.begins(JOB, number, 0)
-            display.ended(JOB, number, found)
+            display.ended(JOB, number, value)
     return stream.getvalue().splitlines()
 
 
@@ -91,8 +91,8 @@ def test_jobs_find_their_attempts_by_task_and_seed():
             ("other-0", 0, 0),
         )
     ]
-    found = attempts([first, second], rows)
-    assert [len(found[job]) for job in (first, second)] == [1, 2]
+    result = attempts([first, second], rows)
+    assert [len(result[job]) for job in (first, second)] == [1, 2]
     assert first.id == "write_note-0__clean__s0__oracle"
 
 

@@ -77,15 +77,15 @@ def cluster(tmp_path_factory, orders):
         patch.setenv("RAY_USAGE_STATS_ENABLED", "0")
         patch.setenv("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
         patch.chdir(tmp_path_factory.mktemp("elsewhere"))
-        found = cluster_utils.Cluster(
+        result = cluster_utils.Cluster(
             initialize_head=True,
             head_node_args={**NODE, "include_dashboard": False, "_system_config": SOON},
         )
         try:
-            found.add_node(**NODE)
-            yield found
+            result.add_node(**NODE)
+            yield result
         finally:
-            found.shutdown()
+            result.shutdown()
 
 
 @pytest.fixture(autouse=True)
@@ -146,14 +146,14 @@ def lines_of(path):
 
 def content(run):
     """All that a run holds, but for times: its records by id, and its files by name."""
-    found = {record["id"]: record for record in lines_of(run / "records.jsonl")}
+    entries = {record["id"]: record for record in lines_of(run / "records.jsonl")}
     for path in (run / "episodes").rglob("*"):
         name = str(path.relative_to(run))
         if path.suffix == ".png":
-            found[name] = path.read_bytes()
+            entries[name] = path.read_bytes()
         elif path.is_file():
-            found[name] = lines_of(path)
-    return found
+            entries[name] = lines_of(path)
+    return entries
 
 
 def raylet(node):
@@ -220,12 +220,12 @@ def test_a_process_that_is_killed_loses_the_episode_that_it_plays_and_no_other(
     setup = WorkerSetup(bench=chosen, folder=run, references=references(chosen))
     with open_pool("ray", setup, len(listed), 1, cluster.address) as pool:
         assert run_jobs(listed, run, 1, pool, Kills(), place=pool.place) == {"ok": 2}
-    lost, again, other = records.read(run).records
+    lost, again, second = records.read(run).records
     assert (lost["status"], lost["cause"], lost["score"]) == ("error", "machine", None)
     assert "the process that played the episode on" in lost["problem"]
     assert not (run / "episodes" / lost["id"]).exists()
     assert (again["id"], again["status"]) == (f"{lost['id']}__a1", "ok")
-    assert (other["attempt"], other["status"]) == (0, "ok")
+    assert (second["attempt"], second["status"]) == (0, "ok")
 
 
 ONLY_HERE = """
@@ -241,8 +241,8 @@ def test_a_node_that_cannot_import_the_actor(cluster, tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setattr(ray_pool, "NodeDesktop", importlib.import_module("only_here").Desktop)
     (tmp_path / "only_here.py").unlink()
-    wanted = "a node cannot start a desktop .*only_here.*install the same agenthijack"
-    with pytest.raises(ClusterError, match=wanted):
+    expected = "a node cannot start a desktop .*only_here.*install the same agenthijack"
+    with pytest.raises(ClusterError, match=expected):
         played(tmp_path / "run", "ray", address=cluster.address, desktops=1)
 
 
@@ -263,16 +263,16 @@ def test_a_key_that_a_node_lacks_is_named_and_never_sent(cluster, tmp_path, monk
     with pytest.raises(ClusterError, match=r"node \S+: .*AGENTHIJACK_TEST_KEY"):
         played(tmp_path / "run", "ray", chosen, cluster.address, desktops=1)
     logs = Path(cluster.head_node.get_session_dir_path())
-    found = [path for path in logs.rglob("*") if path.is_file()]
-    assert found
-    assert [path for path in found if b"very-secret-0123" in path.read_bytes()] == []
+    paths = [path for path in logs.rglob("*") if path.is_file()]
+    assert paths
+    assert [path for path in paths if b"very-secret-0123" in path.read_bytes()] == []
 
 
 def test_nodes_without_room(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr("online_env.bench.workers.BYTES_PER_DESKTOP", 2**50)
     monkeypatch.setattr(ray_pool, "BYTES_PER_DESKTOP", 2**50)
-    wanted = r"no node .* 1 CPU and 1.04858e\+06 GiB of memory \(\S+ has 1 CPUs and 1.5 GiB"
-    with pytest.raises(ClusterError, match=wanted):
+    expected = r"no node .* 1 CPU and 1.04858e\+06 GiB of memory \(\S+ has 1 CPUs and 1.5 GiB"
+    with pytest.raises(ClusterError, match=expected):
         played(tmp_path / "run", "ray", address=cluster.address)
 
 
@@ -344,27 +344,27 @@ def test_agent_files_prompts_and_logs_travel(tmp_path, monkeypatch):
     assert setup.folder == tmp_path / "node" / "run"
     assert (setup.models.prompts / "pyautogui.yaml").read_text() == "of prompts"
     assert (setup.models.replay / "e.jsonl").read_text() == "of log/requests"
-    own = Path(AGENTS.get("mine").settings.prompts)
-    assert own.is_relative_to(tmp_path / "node")
-    assert (own / "pyautogui.yaml").read_text() == "of own"
+    path = Path(AGENTS.get("mine").settings.prompts)
+    assert path.is_relative_to(tmp_path / "node")
+    assert (path / "pyautogui.yaml").read_text() == "of own"
 
 
 def left_by_an_episode(folder):
     """The files of an episode and its requests, in a folder of a node."""
-    made = {
+    entries = {
         "episodes/e/episode.json": b"{}",
         "episodes/e/frames/0000.png": b"picture",
         "episodes/e/steps.jsonl": b"steps",
         "requests/e.jsonl": b"asked",
     }
-    for name, content in made.items():
+    for name, content in entries.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
-    return made
+    return entries
 
 
 def test_files_are_sent_with_the_record_last_and_placed_over_what_was_broken_off(tmp_path):
-    made = left_by_an_episode(tmp_path / "node")
+    result = left_by_an_episode(tmp_path / "node")
     (tmp_path / "run" / "episodes" / "e" / "frames").mkdir(parents=True)
     (tmp_path / "run" / "episodes" / "e" / "frames" / "0007.png").touch()
     arrival = ReceivedEpisode(tmp_path / "run")
@@ -375,7 +375,7 @@ def test_files_are_sent_with_the_record_last_and_placed_over_what_was_broken_off
     assert names[-1] == "episodes/e/episode.json"
     run = tmp_path / "run"
     placed = [path for path in run.rglob("*") if path.is_file()]
-    assert {str(path.relative_to(run)): path.read_bytes() for path in placed} == made
+    assert {str(path.relative_to(run)): path.read_bytes() for path in placed} == result
     assert list((tmp_path / "node").iterdir()) == []
     with pytest.raises(ClusterError, match=r"episodes/e: holds an episode already"):
         ReceivedEpisode(run).put("episodes/e/steps.jsonl", b"other")
@@ -403,10 +403,10 @@ def test_folders_of_actors_that_were_killed_are_removed(tmp_path, monkeypatch):
     monkeypatch.setattr(ray_node.tempfile, "gettempdir", lambda: str(tmp_path))
     monkeypatch.setattr(ray_node.tempfile, "tempdir", str(tmp_path))
     old = tmp_path / f"{ray_node.PREFIX}old"
-    held = tmp_path / f"{ray_node.PREFIX}held"
-    for folder in (old, held):
+    value = tmp_path / f"{ray_node.PREFIX}held"
+    for folder in (old, value):
         folder.mkdir()
         os.utime(folder, (0, 0))
-    with lock(held), ray_node.node_folder() as own:
-        assert sorted(tmp_path.iterdir()) == sorted([held, own])
-    assert list(tmp_path.iterdir()) == [held]
+    with lock(value), ray_node.node_folder() as result:
+        assert sorted(tmp_path.iterdir()) == sorted([value, result])
+    assert list(tmp_path.iterdir()) == [value]

@@ -90,12 +90,12 @@ def test_each_line_names_the_line_before_it_and_the_record_in_its_folder(run):
     records.append(run, made("a", "v"))
     lines = (run / "records.jsonl").read_bytes().splitlines()
     before = [(run / "run.json").read_bytes(), *lines[:-1]]
-    found = [json.loads(line) for line in lines]
-    assert [each["previous"] for each in found] == [
+    values = [json.loads(line) for line in lines]
+    assert [item["previous"] for item in values] == [
         hashlib.sha256(content).hexdigest() for content in before
     ]
     digest = hashlib.sha256(b"{}").hexdigest()
-    assert [each["episode_sha256"] for each in found] == [digest, None, None]
+    assert [item["episode_sha256"] for item in values] == [digest, None, None]
     assert read(run).records[0]["reason"] == first["reason"]
 
 
@@ -130,8 +130,8 @@ def test_records_of_a_run_whose_head_is_gone_are_not_taken_for_those_of_a_new_on
     for begin in (records.create, records.resume):
         with pytest.raises(RunError) as error:
             begin(folder, CONFIG, ["t-0__clean__s0__a"])
-        said = f"{folder}: is not empty (records.jsonl ...); give --out a new folder"
-        assert str(error.value) == said
+        output = f"{folder}: is not empty (records.jsonl ...); give --out a new folder"
+        assert str(error.value) == output
     assert (folder / "records.jsonl").read_bytes() == kept
     (folder / "records.jsonl").write_bytes(b"")
     records.resume(folder, CONFIG, ["t-0__clean__s0__a"]).release()
@@ -142,23 +142,23 @@ def test_records_of_a_run_whose_head_is_gone_are_not_taken_for_those_of_a_new_on
 def test_a_head_that_names_no_commit_lets_a_run_go_on_and_says_so(git, run):
     path = run / "run.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"git": git}))
-    told = []
+    message = []
     episodes = ["t-0__clean__s0__a", "u-0__clean__s0__a"]
-    records.begin(run, CONFIG, episodes, goes_on=True, notice=told.append).release()
+    records.begin(run, CONFIG, episodes, goes_on=True, notice=message.append).release()
     here = origin.describe(CONFIG)["git"]["agenthijack"]  # `None` outside a checkout
     commit = here and here["commit"]
-    said = f"{run}: was begun with commit None of agenthijack, this is {commit}"
-    assert told == ([said] if commit else [])
+    output = f"{run}: was begun with commit None of agenthijack, this is {commit}"
+    assert message == ([output] if commit else [])
 
 
 def test_a_run_that_goes_on_with_the_same_code_says_nothing(tmp_path):
-    told = []
+    message = []
     for goes_on in (False, True):
-        held = records.begin(
-            tmp_path / "run", CONFIG, ["x"], goes_on=goes_on, notice=told.append, desktops=2
+        result = records.begin(
+            tmp_path / "run", CONFIG, ["x"], goes_on=goes_on, notice=message.append, desktops=2
         )
-        held.release()
-    assert told == []
+        result.release()
+    assert message == []
     assert json.loads((tmp_path / "run" / "run.json").read_text())["desktops"] == 2
     assert [session["desktops"] for session in origin.sessions(tmp_path / "run")] == [2]
 
@@ -179,8 +179,8 @@ def test_a_run_of_an_older_version_counts_its_episodes_by_its_configuration(
     config, planned, missing
 ):
     again = {**made("a", "t", "x"), "attempt": 1}
-    found = [made("a", "t", "x"), again, made("a", "u", "x")]
-    run = Run(folder=None, config=config, records=found)
+    items = [made("a", "t", "x"), again, made("a", "u", "x")]
+    run = Run(folder=None, config=config, records=items)
     assert (run.planned, run.missing) == (planned, missing)
 
 
@@ -192,8 +192,8 @@ def test_a_second_attempt_stands_for_its_episode(tmp_path):
 
 def test_the_first_seeds_of_ten_leave_the_tenth_alone(tmp_path):
     """The seed 1 is not that of an episode whose id has the seed 10."""
-    found = [made("a", "t", seed=seed) for seed in (0, 1, 10)]
-    folder = run_of(tmp_path / "run", found, seeds=[10, 1, 0])
+    values = [made("a", "t", seed=seed) for seed in (0, 1, 10)]
+    folder = run_of(tmp_path / "run", values, seeds=[10, 1, 0])
     run = with_first_seeds(read(folder), 2)
     assert run.episodes == ("t-0__clean__s0__a", "t-1__clean__s1__a")
     assert [record["seed"] for record in run.records] == [0, 1]
@@ -232,16 +232,16 @@ def test_an_estimate_says_what_each_part_of_it_rests_on():
         Job("oracle", "mine", "clean", 0),
         Job("random", TASK, "clean", 0),
     ]
-    known = task_sets.read_measurements()[TASK]
+    read_measurement = task_sets.read_measurements()[TASK]
     unknown = EPISODE_SECONDS + 60 * STEP_SECONDS
-    step = (known.seconds - known.setup) / (known.actions + 1)
-    found = expected(BENCH, listed, history)
-    assert [each.seconds for each in found] == pytest.approx(
-        [60.0, known.seconds, unknown, known.setup + 60 * step]
+    step = (read_measurement.seconds - read_measurement.setup) / (read_measurement.actions + 1)
+    result = expected(BENCH, listed, history)
+    assert [item.seconds for item in result] == pytest.approx(
+        [60.0, read_measurement.seconds, unknown, read_measurement.setup + 60 * step]
     )
-    assert [each.basis for each in found] == ["runs", "suite", "limit", "limit"]
-    steps = [10, known.actions + 2, 61, 61]
-    assert [each.bytes for each in found] == pytest.approx([1e8 * count for count in steps])
+    assert [item.basis for item in result] == ["runs", "suite", "limit", "limit"]
+    steps = [10, read_measurement.actions + 2, 61, 61]
+    assert [item.bytes for item in result] == pytest.approx([1e8 * count for count in steps])
     text = estimate(BENCH, listed, history=history)
     assert text.endswith(
         "(1 measured in earlier runs, 1 as the suite's figures, 2 with all 60 steps)"
@@ -252,13 +252,13 @@ def test_an_estimate_says_what_each_part_of_it_rests_on():
 
 def test_no_agent_takes_more_steps_than_a_run_allows():
     short = Bench(tasks=(TASK,), corruptions={"clean": None}, max_steps=3)
-    known = task_sets.read_measurements()[TASK]
-    assert known.actions > 3
+    read_measurement = task_sets.read_measurements()[TASK]
+    assert read_measurement.actions > 3
     oracle, idle = expected(
         short, [Job("oracle", TASK, "clean", 0), Job("do_nothing", TASK, "clean", 0)], History()
     )
     assert oracle == idle
-    assert oracle.seconds < known.seconds
+    assert oracle.seconds < read_measurement.seconds
 
 
 def test_earlier_runs_are_read_without_what_says_nothing_about_time(tmp_path):
@@ -272,21 +272,21 @@ def test_earlier_runs_are_read_without_what_says_nothing_about_time(tmp_path):
         made("a", TASK, "subtitle", score=None, cause="agent", seconds=900.0),
     ]
     folder = run_of(tmp_path / "odd", odd)
-    found = read_history([tmp_path / "offline", folder, tmp_path / "gone"])
-    assert found.runs == 3
-    assert found.seconds["a",] == [2.0, 2.0, 2.0]
-    assert found.steps["a", TASK] == [4.0, 4.0, 4.0]
-    assert found.usd == {}
-    assert found.step_bytes is None
+    history = read_history([tmp_path / "offline", folder, tmp_path / "gone"])
+    assert history.runs == 3
+    assert history.seconds["a",] == [2.0, 2.0, 2.0]
+    assert history.steps["a", TASK] == [4.0, 4.0, 4.0]
+    assert history.usd == {}
+    assert history.step_bytes is None
 
 
 def test_of_many_runs_the_newest_are_read(tmp_path):
     for number in range(MAX_RUNS + 2):
         folder = run_of(tmp_path / f"run{number}", [made("a", TASK, seconds=float(number))])
         os.utime(folder / "run.json", (1e9 - number, 1e9 - number))
-    found = history_near(tmp_path / "new")
-    assert found.runs == MAX_RUNS
-    assert max(found.seconds["a",]) == MAX_RUNS - 1
+    result = history_near(tmp_path / "new")
+    assert result.runs == MAX_RUNS
+    assert max(result.seconds["a",]) == MAX_RUNS - 1
 
 
 def test_a_run_that_goes_on_counts_itself_once(tmp_path):
@@ -329,21 +329,21 @@ def test_a_budget_that_no_sum_ever_reaches_is_refused(limit, capsys):
 
 
 def test_a_junit_file_sums_seconds_by_agent_and_over_all(tmp_path):
-    found = [
+    items = [
         made("a", "t0", seconds=1.25),
         made("a", "t1", seconds=2.5),
         made("b", "t0", seconds=None),
         made("b", "t1", seconds=0.0625),
     ]
     path = tmp_path / "deep" / "junit.xml"
-    junit.write(path, Run(folder=tmp_path, records=found), [])
+    junit.write(path, Run(folder=tmp_path, records=items), [])
     root = etree.parse(path).getroot()
     assert [(suite.get("name"), suite.get("time")) for suite in root] == [
         ("a", "3.750"),
         ("b", "0.062"),
     ]
     assert root.get("time") == "3.812"
-    junit.write(path, Run(folder=tmp_path, records=found[:1]), [])
+    junit.write(path, Run(folder=tmp_path, records=items[:1]), [])
     assert etree.parse(path).getroot().get("tests") == "1", "it is written anew"
 
 

@@ -109,11 +109,11 @@ def test_damaged_lines_are_named_and_skipped(folder):
     run = records.read(folder)
     assert [r["task"] for r in run.records] == ["t", "u"]
     assert [d.line for d in run.damaged] == [2, 3, 4, 6, 7, 8, 9, 10]
-    said = [d.problem for d in run.damaged]
-    assert "cut off" in said[0]
-    assert said[3] == "score 7 is not a number in 0..1"
-    assert said[4] == "field 'seed' is missing or of the wrong type"
-    assert "status 'fine'" in said[5]
+    output = [d.problem for d in run.damaged]
+    assert "cut off" in output[0]
+    assert output[3] == "score 7 is not a number in 0..1"
+    assert output[4] == "field 'seed' is missing or of the wrong type"
+    assert "status 'fine'" in output[5]
 
 
 @pytest.mark.parametrize(
@@ -212,14 +212,14 @@ def test_rows_count_every_case_once(drawn):
 
 
 def test_intervals_and_p_rest_on_tasks_and_p_is_adjusted_for_all_corruptions():
-    found = []
+    items = []
     for number in range(8):
         for seed in (0, 1):
             name = f"t{number}-{seed}"
-            found.append(made(name, seed=seed))
-            found.append(made(name, "few", score=0.0, seed=seed))
-            found.append(made(name, "some", score=float(number % 2), seed=seed))
-    clean, few, some = scores.rows(found)
+            items.append(made(name, seed=seed))
+            items.append(made(name, "few", score=0.0, seed=seed))
+            items.append(made(name, "some", score=float(number % 2), seed=seed))
+    clean, few, some = scores.rows(items)
     assert (clean["success"], clean["delta"], clean["p"]) == (1.0, None, None)
     assert clean["ci_low"] == pytest.approx(1 - 0.3244, abs=1e-3)  # Wilson's for 0 of 8 tasks
     assert few["p"] == pytest.approx(2 * 2 / 2**8)
@@ -253,9 +253,9 @@ def test_report_as_json_and_as_a_table(folder):
         made("u", "few", score=1.0),
     ):
         records.append(folder, record)
-    done = hijack("report", folder, "--json")
-    assert done.returncode == 0, done.stderr
-    rows = json.loads(done.stdout)
+    result = hijack("report", folder, "--json")
+    assert result.returncode == 0, result.stderr
+    rows = json.loads(result.stdout)
     assert rows == scores.rows(records.read(folder).records)
     assert [row["corruption"] for row in rows] == ["clean", "few"]
     table = hijack("report", folder)
@@ -279,27 +279,27 @@ def test_report_tells_infeasible_tasks_apart(folder):
 def test_report_names_what_is_invalid_failed_or_damaged(folder):
     records.append(folder, made())
     records.append(folder, made(corruption="few", status="invalid"))
-    done = hijack("report", folder)
-    assert done.returncode == 1
-    assert "invalid: t-few: because" in done.stdout
+    result = hijack("report", folder)
+    assert result.returncode == 1
+    assert "invalid: t-few: because" in result.stdout
     (folder / "records.jsonl").write_text(json.dumps(made()) + '\n{"cut')
-    done = hijack("report", folder, "--json")
-    assert done.returncode == 1
-    assert f"{folder}/records.jsonl:2: skipped" in done.stderr
-    assert json.loads(done.stdout)[0]["n"] == 1
+    result = hijack("report", folder, "--json")
+    assert result.returncode == 1
+    assert f"{folder}/records.jsonl:2: skipped" in result.stderr
+    assert json.loads(result.stdout)[0]["n"] == 1
 
 
 def test_report_refuses_what_is_no_run(tmp_path):
-    done = hijack("report", tmp_path)
-    assert done.returncode == 2
-    assert "is not the folder of a run" in done.stderr
-    assert "Traceback" not in done.stderr
-    done = hijack("report", tmp_path / "none")
-    assert (done.returncode, "Traceback" in done.stderr) == (2, False)
+    result = hijack("report", tmp_path)
+    assert result.returncode == 2
+    assert "is not the folder of a run" in result.stderr
+    assert "Traceback" not in result.stderr
+    result = hijack("report", tmp_path / "none")
+    assert (result.returncode, "Traceback" in result.stderr) == (2, False)
 
 
 def test_bench_dry_run_and_refusals(tmp_path):
-    done = hijack(
+    result = hijack(
         "bench",
         "embedded_small",
         "--agent",
@@ -310,18 +310,18 @@ def test_bench_dry_run_and_refusals(tmp_path):
         2,
         "--dry-run",
     )
-    assert done.returncode == 0, done.stderr
-    lines = done.stdout.splitlines()
+    assert result.returncode == 0, result.stderr
+    lines = result.stdout.splitlines()
     assert len(lines) == 2 * 2 * 10 + 1
     assert lines[0].startswith("oracle  ")
     assert lines[0].endswith("  seed 0  clean")
     assert re.match(r"40 episodes on \d+ desktops?, (about|at most) ", lines[-1])
     assert hijack("bench", "embedded_small").returncode == 2
     records.create(tmp_path / "run", CONFIG)
-    done = hijack("bench", "embedded_small", "--out", tmp_path / "run")
-    assert (done.returncode, "holds a run already" in done.stderr) == (2, True)
-    done = hijack("bench", "embedded_smal", "--dry-run")
-    assert (done.returncode, "did you mean 'embedded_small'" in done.stderr) == (2, True)
+    result = hijack("bench", "embedded_small", "--out", tmp_path / "run")
+    assert (result.returncode, "holds a run already" in result.stderr) == (2, True)
+    result = hijack("bench", "embedded_smal", "--dry-run")
+    assert (result.returncode, "did you mean 'embedded_small'" in result.stderr) == (2, True)
 
 
 def test_a_dry_run_says_what_is_left_in_its_folder(tmp_path):
@@ -333,19 +333,19 @@ def test_a_dry_run_says_what_is_left_in_its_folder(tmp_path):
     records.create(run, chosen.to_data(), [job.id for job in listed]).release()
     first = listed[0]
     agent, task, label, seed = first.key
-    made = {"id": first.id, "agent": agent, "task": task, "task_seed": seed, "seed": seed}
+    entries = {"id": first.id, "agent": agent, "task": task, "task_seed": seed, "seed": seed}
     ended = {"corruption": label, "attempt": 0, "status": "ok", "score": 1.0}
-    records.append(run, {**made, **ended})
+    records.append(run, {**entries, **ended})
     before = sorted((path, path.read_bytes()) for path in run.rglob("*") if path.is_file())
-    done = hijack("bench", *words, "--out", run, "--dry-run")
-    assert (done.returncode, "holds a run already" in done.stderr) == (2, True)
-    done = hijack("bench", *words, "--out", run, "--dry-run", "--resume")
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1].startswith("19 episodes on ")
-    done = hijack("bench", *words, "--seeds", 2, "--out", run, "--dry-run", "--resume")
-    assert (done.returncode, "is another run: seeds" in done.stderr) == (2, True)
-    done = hijack("bench", *words, "--out", tmp_path / "new", "--dry-run", "--resume")
-    assert done.stdout.splitlines()[-1].startswith("20 episodes on ")
+    value = hijack("bench", *words, "--out", run, "--dry-run")
+    assert (value.returncode, "holds a run already" in value.stderr) == (2, True)
+    value = hijack("bench", *words, "--out", run, "--dry-run", "--resume")
+    assert value.returncode == 0, value.stderr
+    assert value.stdout.splitlines()[-1].startswith("19 episodes on ")
+    value = hijack("bench", *words, "--seeds", 2, "--out", run, "--dry-run", "--resume")
+    assert (value.returncode, "is another run: seeds" in value.stderr) == (2, True)
+    value = hijack("bench", *words, "--out", tmp_path / "new", "--dry-run", "--resume")
+    assert value.stdout.splitlines()[-1].startswith("20 episodes on ")
     assert not (tmp_path / "new").exists()
     assert sorted((path, path.read_bytes()) for path in run.rglob("*") if path.is_file()) == before
 
@@ -378,15 +378,15 @@ def test_invalid_episodes_are_run_again_then_reported(folder):
         ]
     )
     log = Log()
-    asked = []
+    requests = []
 
     def episode(job, attempt):
-        asked.append(attempt)
+        requests.append(attempt)
         return next(answers)
 
     statuses = runner.run_jobs([job] * 3, folder, 1, episode, log)
     assert dict(statuses) == {"ok": 1, "invalid": 1, "error": 1}
-    assert asked == [0, 1, 0, 1, 0]
+    assert requests == [0, 1, 0, 1, 0]
     assert log.said == [
         (1, 0),
         "invalid",
@@ -403,17 +403,17 @@ def test_invalid_episodes_are_run_again_then_reported(folder):
 
 
 def test_what_was_done_is_on_the_disk_before_the_next_begins(folder):
-    seen = []
+    calls = []
 
     def episode(job, attempt):
-        seen.append(len(records.read(folder).records))
-        if len(seen) == 3:
+        calls.append(len(records.read(folder).records))
+        if len(calls) == 3:
             raise KeyboardInterrupt
-        return made(id=str(len(seen)))
+        return made(id=str(len(calls)))
 
     with pytest.raises(KeyboardInterrupt):
         runner.run_jobs([Job("oracle", "t", "clean", 0)] * 5, folder, 1, episode, Log())
-    assert seen == [0, 1, 2]
+    assert calls == [0, 1, 2]
     assert len(records.read(folder).records) == 2
 
 

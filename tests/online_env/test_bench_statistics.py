@@ -29,9 +29,9 @@ PAPER = {
 @pytest.mark.parametrize("agent", PAPER)
 def test_the_papers_average_includes_clean(agent):
     columns, printed = PAPER[agent]
-    found = s.paper_average({str(i): value for i, value in enumerate(columns)})
+    result = s.paper_average({str(i): value for i, value in enumerate(columns)})
     # GPT-4o's mean is 3.697, which the paper prints as 3.69: cut off, not rounded.
-    assert abs(found - printed) < (0.01 if agent == "GPT-4o" else 0.006)
+    assert abs(result - printed) < (0.01 if agent == "GPT-4o" else 0.006)
 
 
 def test_claudes_rates_are_whole_episodes_of_355():
@@ -42,9 +42,9 @@ def test_claudes_rates_are_whole_episodes_of_355():
 
 
 def test_a_mean_over_episodes_of_different_tasks():
-    found = s.mean_interval([1, 1, 0, 0, 1, 0], ["a", "a", "b", "b", "c", "c"])
-    assert found.value == 0.5
-    assert 0 <= found.low < 0.5 < found.high <= 1
+    result = s.mean_interval([1, 1, 0, 0, 1, 0], ["a", "a", "b", "b", "c", "c"])
+    assert result.value == 0.5
+    assert 0 <= result.low < 0.5 < result.high <= 1
 
 
 def test_seeds_of_one_task_do_not_narrow_the_interval():
@@ -57,18 +57,18 @@ def test_seeds_of_one_task_do_not_narrow_the_interval():
 
 def test_the_interval_of_many_tasks_is_that_of_the_normal_approximation():
     scores = [1.0] * 120 + [0.0] * 280
-    found = s.mean_interval(scores, list(range(400)))
+    result = s.mean_interval(scores, list(range(400)))
     half = 1.96 * math.sqrt(0.3 * 0.7 / 400)
-    assert found.value == pytest.approx(0.3)
-    assert found.low == pytest.approx(0.3 - half, abs=0.006)
-    assert found.high == pytest.approx(0.3 + half, abs=0.006)
+    assert result.value == pytest.approx(0.3)
+    assert result.low == pytest.approx(0.3 - half, abs=0.006)
+    assert result.high == pytest.approx(0.3 + half, abs=0.006)
 
 
 @pytest.mark.parametrize(("score", "low", "high"), [(0.0, 0.0, 0.2775), (1.0, 0.7225, 1.0)])
 def test_ten_of_ten_is_not_certainty(score, low, high):
     """Wilson's interval of 0 of 10 is 0 to 0.2775."""
-    found = s.mean_interval([score] * 10, list(range(10)))
-    assert (found.value, found.low, found.high) == (
+    result = s.mean_interval([score] * 10, list(range(10)))
+    assert (result.value, result.low, result.high) == (
         score,
         pytest.approx(low, abs=1e-4),
         pytest.approx(high, abs=1e-4),
@@ -78,22 +78,22 @@ def test_ten_of_ten_is_not_certainty(score, low, high):
 def test_a_paired_difference_cancels_what_the_conditions_share():
     """Two tasks of three are lost; easy and hard tasks alike."""
     clean, corrupted = [1, 1, 0, 1, 1, 0] * 10, [0, 1, 0, 0, 1, 0] * 10
-    found = s.difference_interval(clean, corrupted, list(range(60)))
-    assert found.value == pytest.approx(-1 / 3)
-    assert -0.46 < found.low < found.value < found.high < -0.19
+    result = s.difference_interval(clean, corrupted, list(range(60)))
+    assert result.value == pytest.approx(-1 / 3)
+    assert -0.46 < result.low < result.value < result.high < -0.19
 
 
 def test_no_difference_at_all_is_still_uncertain():
-    found = s.difference_interval([1] * 20, [1] * 20, list(range(20)))
-    assert found.value == 0
-    assert found.low == -found.high < -0.1
+    result = s.difference_interval([1] * 20, [1] * 20, list(range(20)))
+    assert result.value == 0
+    assert result.low == -result.high < -0.1
 
 
 def test_retention():
-    found = s.retention_interval([1, 1, 1, 0], [1, 0, 1, 0], list("abcd"))
-    assert found is not None
-    assert found.value == pytest.approx(2 / 3)
-    assert found.low <= found.value <= found.high
+    result = s.retention_interval([1, 1, 1, 0], [1, 0, 1, 0], list("abcd"))
+    assert result is not None
+    assert result.value == pytest.approx(2 / 3)
+    assert result.low <= result.value <= result.high
     assert s.retention_interval([0, 0], [1, 0], ["a", "b"]) is None
 
 
@@ -101,8 +101,8 @@ def test_equal_scores_are_equal_in_spite_of_rounding():
     """0.1 - 0.2, 0.3 - 0.4 and 0.9 - 1.0 differ in the last digit, and as tasks do not at all."""
     clean, corrupted, tasks = [0.2, 0.4, 1.0], [0.1, 0.3, 0.9], list("abc")
     assert len({after - before for before, after in zip(clean, corrupted, strict=True)}) > 1
-    found = s.difference_interval(clean, corrupted, tasks)
-    assert found.value == pytest.approx(-0.1)
+    result = s.difference_interval(clean, corrupted, tasks)
+    assert result.value == pytest.approx(-0.1)
     assert s.detectable_difference(clean, corrupted, tasks) is None
 
 
@@ -110,15 +110,15 @@ def test_equal_scores_are_equal_in_spite_of_rounding():
 def test_by_task_is_mcnemars_test_where_each_task_has_one_case(lost, won):
     clean = [1] * lost + [0] * won + [1, 1, 0]
     corrupted = [0] * lost + [1] * won + [1, 1, 0]
-    found = s.mcnemar_by_task(clean, corrupted, range(len(clean)))
-    assert found == pytest.approx(binomtest(lost, lost + won).pvalue if lost else 1.0)
+    result = s.mcnemar_by_task(clean, corrupted, range(len(clean)))
+    assert result == pytest.approx(binomtest(lost, lost + won).pvalue if lost else 1.0)
 
 
 @pytest.mark.parametrize("seeds", [1, 2, 5])
 def test_by_task_seeds_that_end_alike_prove_no_more_than_one(seeds):
     clean, corrupted, tasks = [1] * 6 + [0, 1], [0] * 6 + [1, 1], list("abcdefgh")
-    found = s.mcnemar_by_task(clean * seeds, corrupted * seeds, tasks * seeds)
-    assert found == pytest.approx(2 * (1 + 7) / 2**7)  # six lost, one won
+    result = s.mcnemar_by_task(clean * seeds, corrupted * seeds, tasks * seeds)
+    assert result == pytest.approx(2 * (1 + 7) / 2**7)  # six lost, one won
 
 
 def test_by_task_is_the_permutation_test_of_scipy():
@@ -128,11 +128,11 @@ def test_by_task_is_the_permutation_test_of_scipy():
         clean, corrupted = rng.random((2, 31)) < [[0.7], [0.5]]
         sums = np.zeros(9)
         np.add.at(sums, np.arange(31) % 9, corrupted.astype(int) - clean.astype(int))
-        wanted = permutation_test(
+        expected = permutation_test(
             (sums,), np.sum, permutation_type="samples", n_resamples=np.inf
         ).pvalue
-        found = s.mcnemar_by_task(clean.astype(float), corrupted.astype(float), tasks)
-        assert found == pytest.approx(wanted)
+        result = s.mcnemar_by_task(clean.astype(float), corrupted.astype(float), tasks)
+        assert result == pytest.approx(expected)
 
 
 def test_a_partial_score_is_not_a_success():
@@ -140,8 +140,8 @@ def test_a_partial_score_is_not_a_success():
 
 
 def test_holm_multiplies_the_smallest_by_their_number_and_never_decreases():
-    found = s.holm({"marks": 0.01, "subtitle": 0.04, "pop_ups": 0.03})
-    assert found == pytest.approx({"marks": 0.03, "subtitle": 0.06, "pop_ups": 0.06})
+    result = s.holm({"marks": 0.01, "subtitle": 0.04, "pop_ups": 0.03})
+    assert result == pytest.approx({"marks": 0.03, "subtitle": 0.06, "pop_ups": 0.06})
     assert s.holm({}) == {}
 
 
@@ -187,8 +187,8 @@ def test_pass_hat_k():
 
 
 def test_mean_corruption_error():
-    found = s.mean_corruption_error({"marks": 0.5, "lock": 0.9}, {"marks": 1.0, "lock": 0.6})
-    assert found == pytest.approx((0.5 + 1.5) / 2)
+    result = s.mean_corruption_error({"marks": 0.5, "lock": 0.9}, {"marks": 1.0, "lock": 0.6})
+    assert result == pytest.approx((0.5 + 1.5) / 2)
     assert s.mean_corruption_error({"marks": 0.5}, {"marks": 0.0}) is None
     with pytest.raises(ParameterError, match="same corruptions"):
         s.mean_corruption_error({"marks": 0.5}, {"lock": 0.5})

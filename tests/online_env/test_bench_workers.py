@@ -144,10 +144,10 @@ load_references(references(bench))
 def test_files_of_users_are_loaded_in_the_processes(tmp_path):
     path = tmp_path / "mine.py"
     path.write_text("class Mine:\n    def predict(self, a, b): return '', []\n")
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", REFERENCES, str(path)], capture_output=True, text=True, check=True
     )
-    assert f"reference=AgentReference(place='{path}:Mine'" in done.stdout
+    assert f"reference=AgentReference(place='{path}:Mine'" in process.stdout
 
 
 def test_there_is_always_one_desktop():

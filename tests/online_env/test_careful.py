@@ -56,8 +56,10 @@ def test_a_window_without_a_button_cannot_be_restored() -> None:
 @pytest.mark.parametrize(("other", "closed"), [("xfce4-appfinder", False), ("galculator", True)])
 def test_what_the_hand_may_have_opened_itself_is_not_in_its_way(other: str, closed: bool) -> None:
     opened = f'<application name="{other}"><frame name="it" {PLACE}/></application>'
-    shown = tree(SHOWN)
-    desktop = Trees([shown.replace("</desktop-frame>", f"{opened}</desktop-frame>"), shown, shown])
+    result = tree(SHOWN)
+    desktop = Trees(
+        [result.replace("</desktop-frame>", f"{opened}</desktop-frame>"), result, result]
+    )
     hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=0.3)
     hand.press("ctrl", "a")
     assert ("pyautogui.hotkey('alt', 'f4')" in desktop.ran) == closed
@@ -80,8 +82,8 @@ def test_the_keyboard_returns_to_the_documents_window(active: str, first: str) -
         f'<toggle-button name="{name}" {PLACE.replace("200", str(top))}/>'
         for name, top in windows.items()
     ]
-    shown = tree("".join(frames), "".join(buttons)).replace('"vlc"', '"geany"')
-    desktop = Trees([shown, tree(SHOWN)])
+    result = tree("".join(frames), "".join(buttons)).replace('"vlc"', '"geany"')
+    desktop = Trees([result, tree(SHOWN)])
     hand = careful_hand.CarefulHand(desktop, ["geany"], "geany /home/user/tools.py", timeout=0.3)
     with pytest.raises(DesktopTimeoutError):
         hand.find("dialog")
@@ -148,7 +150,7 @@ def test_before_another_try_what_was_done_in_the_document_is_taken_back(
 
 def two_windows(front: str) -> str:
     """Return a tree with a browser and an editor, of which one has the keyboard."""
-    shown = "".join(
+    result = "".join(
         f'<application name="{app}">'
         f'<frame name="{title}" {PLACE} {"st:active" if front == app else "st:enabled"}="true"/>'
         "</application>"
@@ -161,7 +163,7 @@ def two_windows(front: str) -> str:
     )
     return (
         f'<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">'
-        f'{shown}<application name="xfce4-panel">{buttons}</application></desktop-frame>'
+        f'{result}<application name="xfce4-panel">{buttons}</application></desktop-frame>'
     )
 
 
@@ -211,8 +213,8 @@ def test_what_is_taken_back_may_be_deleted_and_nothing_else_is_agreed_to(
     question: str, ran: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(careful_hand, "PAUSE", 0.0)
-    shown = [f"{FOLDER}{UNDO}", f"{FOLDER}{UNDO}", question, f"{FOLDER}{DONE}"]
-    desktop = Trees([office(windows).replace("soffice", "thunar") for windows in shown])
+    items = [f"{FOLDER}{UNDO}", f"{FOLDER}{UNDO}", question, f"{FOLDER}{DONE}"]
+    desktop = Trees([office(windows).replace("soffice", "thunar") for windows in items])
     careful_hand.CarefulHand(desktop, ["thunar"], timeout=0.3).prepare_retry()
     assert desktop.ran == ran
 
@@ -222,12 +224,12 @@ TO, ADDRESS = "(300, 300)", "(500, 500)"
 
 def fields(to: str, focused: str = "To", role: str = "entry") -> str:
     """Return a tree with two fields, of which one has the keyboard."""
-    shown = "".join(
+    result = "".join(
         f'<{role} name="{name}" {PLACE.replace("(100, 200)", place)}'
         f' st:{"focused" if name == focused else "enabled"}="true">{text}</{role}>'
         for name, place, text in (("To", TO, to), ("Address", ADDRESS, "shop.test"))
     )
-    return office(SHEET + shown)
+    return office(SHEET + result)
 
 
 INTO_TO = "pyautogui.click(340, 350)"
@@ -283,12 +285,12 @@ def test_the_dialogs_of_a_helper_belong_to_the_application() -> None:
     dialog = f'<file-chooser name="Save" {PLACE}/>'
     helper = f'<application name="xdg-desktop-portal-gtk">{dialog}</application>'
     window = f'<application name="Chromium"><frame name="News" {PLACE}/></application>{helper}'
-    shown = (
+    text = (
         f'<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">'
         f"{window}</desktop-frame>"
     )
     for apps, closed in ((["chrome"], False), (["thunar"], True)):
-        desktop = Trees([shown])
+        desktop = Trees([text])
         careful_hand.CarefulHand(desktop, apps, timeout=0.3).type("x")
         assert ("pyautogui.hotkey('alt', 'f4')" in desktop.ran) == closed
 
@@ -353,10 +355,10 @@ def test_the_wheel_turns_over_the_window_that_was_restored(
     monkeypatch.setattr(
         careful_hand, "LOST_S", 5.0
     )  # nothing is looked for before the page was scrolled
-    wanted = tree(f'{SHOWN}<link name="below" {PLACE}/>')
+    expected = tree(f'{SHOWN}<link name="below" {PLACE}/>')
     first = tree(MINIMISED, WINDOWS_BUTTON) if hidden else tree(SHOWN)
     actions = 3 if hidden else 1  # the panel, the key and the pointer; or the key alone
-    desktop = Trees([first, *[tree(SHOWN)] * actions, wanted])
+    desktop = Trees([first, *[tree(SHOWN)] * actions, expected])
     hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=2)
     hand.press("home")
     hand.find("link", "below", scroll=True)
@@ -372,8 +374,8 @@ def test_the_wheel_turns_over_the_window_that_a_foreign_one_had_made_smaller(
         "</desktop-frame>",
         f'<application name="geany"><frame name="untitled" {PLACE}/></application></desktop-frame>',
     )
-    wanted = tree(f'{SHOWN}<link name="below" {PLACE}/>')
-    desktop = Trees([foreign, *[tree(SHOWN)] * 4, wanted])
+    expected = tree(f'{SHOWN}<link name="below" {PLACE}/>')
+    desktop = Trees([foreign, *[tree(SHOWN)] * 4, expected])
     hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=2)
     hand.press("home")
     hand.find("link", "below", scroll=True)
@@ -413,9 +415,9 @@ def test_a_click_beside_its_target_is_done_again_once_an_escape_brought_back_wha
     None
 ):
     closed = office(SHEET)
-    other = office(SHEET + f'<menu-item name="Print" {PLACE}/>')
+    second = office(SHEET + f'<menu-item name="Print" {PLACE}/>')
     opened = office(SHEET + f'<menu-item name="Save" {PLACE}/>')
-    desktop = Trees([closed, other, closed, opened])
+    desktop = Trees([closed, second, closed, opened])
     hand = careful_hand.CarefulHand(desktop, ["libreoffice_calc"], timeout=5)
     hand.run("pyautogui.click(140, 250)")
     hand.find("menu-item", "Save")

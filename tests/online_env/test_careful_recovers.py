@@ -16,11 +16,11 @@ F5, ESCAPE = "pyautogui.press('f5')", "pyautogui.press('escape')"
 
 def screen(*applications: tuple[str, str]) -> str:
     """Return the tree of applications, each with its name and its nodes."""
-    shown = "".join(
+    result = "".join(
         f'<application name="{name}">{nodes}</application>' for name, nodes in applications
     )
     spaces = f'xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component"'
-    return f"<desktop-frame {spaces}>{shown}</desktop-frame>"
+    return f"<desktop-frame {spaces}>{result}</desktop-frame>"
 
 
 def hand_on(
@@ -61,16 +61,18 @@ def test_help_is_asked_for_once_where_the_network_is_gone() -> None:
     hand.recover()
     hand.recover()
     assert ran == [REINIT, F5, F5]
-    other = ("Google Chrome", node("frame", "x - Chrome") + node("static", "About ERR_NAME_X"))
-    hand, ran = hand_on(screen(other), apps=("chrome",))
+    second = ("Google Chrome", node("frame", "x - Chrome") + node("static", "About ERR_NAME_X"))
+    hand, ran = hand_on(screen(second), apps=("chrome",))
     hand.recover()
     assert ran == [ESCAPE]  # a text of a page that is there
 
 
 def test_an_application_that_is_gone_is_started_as_a_person_would() -> None:
     finder = ("xfce4-appfinder", node("frame", "Application Finder"))
-    asked = screen(NOTHING, finder)
-    hand, ran = hand_on(screen(NOTHING), asked, asked, screen(WINDOW), start="thunar '/home/a b'")
+    requests = screen(NOTHING, finder)
+    hand, ran = hand_on(
+        screen(NOTHING), requests, requests, screen(WINDOW), start="thunar '/home/a b'"
+    )
     assert hand.recover() is False  # no document was lost
     assert ran == [
         "pyautogui.hotkey('alt', 'f2')",
@@ -130,8 +132,8 @@ def test_a_foreign_window_gets_the_keyboard_and_is_closed() -> None:
 
 
 def test_what_is_in_sight_at_last_ends_the_search() -> None:
-    found = screen(("thunar", node("frame", "files - Thunar") + node("icon", "a.txt")))
-    hand, ran = hand_on(screen(WINDOW), found)
+    result = screen(("thunar", node("frame", "files - Thunar") + node("icon", "a.txt")))
+    hand, ran = hand_on(screen(WINDOW), result)
     assert hand.find("icon", "a.txt").centre == (140, 250)
     assert ran == [ESCAPE]  # what might have been open is closed
     hand, ran = hand_on(screen(WINDOW))

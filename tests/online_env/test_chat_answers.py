@@ -75,7 +75,7 @@ def test_whatever_is_wrong_in_an_answer_it_is_an_error_of_the_endpoint_or_can_be
 ):
     wire = make_wire(client)
     dialect = TOOLS[client].get("parser", "pyautogui")
-    seen = ScreenPicture(picture()["screenshot"])
+    screen_picture = ScreenPicture(picture()["screenshot"])
     tool = {"anthropic": "computer_20251124", "openai_computer": "computer"}.get(client)
     settings = ModelSettings(model="m", client=client, tool=tool)
     went_on = 0
@@ -86,8 +86,10 @@ def test_whatever_is_wrong_in_an_answer_it_is_an_error_of_the_endpoint_or_can_be
             except EndpointError:
                 continue
             ReplyParser(dialect=dialect).read(reply, SIZE)
-            turn = Turn(picture=seen, answer=reply.shown, raw=reply.raw)
-            body = wire.body(ModelQuery(prompt=Prompt(), picture=seen, turns=(turn,)), settings)
+            turn = Turn(picture=screen_picture, answer=reply.shown, raw=reply.raw)
+            body = wire.body(
+                ModelQuery(prompt=Prompt(), picture=screen_picture, turns=(turn,)), settings
+            )
             sent = json.dumps(wired(body))
             assert '_id": null' not in sent, (path, junk)
             went_on += 1
@@ -103,12 +105,12 @@ def test_whatever_is_wrong_in_an_answer_it_is_an_error_of_the_endpoint_or_can_be
     ],
 )
 def test_a_part_that_the_next_request_cannot_name_is_asked_for_again(tmp_path, client, path, said):
-    given = {
+    options = {
         "anthropic": messages(("x", Call("computer", WAITS))),
         "openai_computer": responses(("x", Call("computer", {"type": "wait"}))),
     }[client]
-    nameless = Raw(json.dumps(damaged(given, path, ...)).encode())
-    whole_one = Raw(json.dumps(given).encode())
+    nameless = Raw(json.dumps(damaged(options, path, ...)).encode())
+    whole_one = Raw(json.dumps(options).encode())
     with serving(nameless, whole_one) as endpoint:
         agent = playing(tmp_path, client, endpoint.url)
         assert agent.predict("do it", picture())[1] == ["WAIT"]
@@ -118,8 +120,8 @@ def test_a_part_that_the_next_request_cannot_name_is_asked_for_again(tmp_path, c
 
 
 def test_safety_checks_that_are_no_list_are_asked_for_again(tmp_path):
-    given = responses(("x", Call("computer", {"type": "wait"})))
-    odd = Raw(json.dumps(damaged(given, ("output", 1, "pending_safety_checks"), 5)).encode())
+    options = responses(("x", Call("computer", {"type": "wait"})))
+    odd = Raw(json.dumps(damaged(options, ("output", 1, "pending_safety_checks"), 5)).encode())
     with serving(odd) as endpoint:
         agent = playing(tmp_path, "openai_computer", endpoint.url)
         problem = r"^the answer has no list pending_safety_checks: 5 \(tried 3 times\)$"
@@ -208,19 +210,19 @@ def test_a_key_that_no_request_can_carry_is_told_before_the_first_one(
     tmp_path, monkeypatch, client, key
 ):
     monkeypatch.setenv("MY_KEY", key)
-    said = (
+    output = (
         "the key in MY_KEY has a space or a line break around it, or a character that is not"
         " ASCII; run: export MY_KEY=..."
     )
     with serving(GOOD) as endpoint:
         with pytest.raises(AgentSetupError) as caught:
             agent_of(tmp_path, endpoint.url, client=client, api_key_env="MY_KEY")
-        assert str(caught.value) == f"m: {said}"
+        assert str(caught.value) == f"m: {output}"
     assert endpoint.asked == []
     settings = read_agent(str(file(tmp_path, "http://127.0.0.1:1", api_key_env="MY_KEY")))
     with pytest.raises(AgentSetupError) as caught:
         settings.check_keys({"MY_KEY": key})
-    assert str(caught.value) == f"{tmp_path / 'agent.yaml'}: {said}"
+    assert str(caught.value) == f"{tmp_path / 'agent.yaml'}: {output}"
     settings.check_keys({"MY_KEY": "k-secret-7"})
 
 
@@ -233,16 +235,16 @@ def logged(tmp_path, *answers, steps=1):
     with serving(*answers) as endpoint:
         agent = agent_of(tmp_path, endpoint.url, retries=0)
         agent._model._recorder = RequestLog(path)
-        given = [agent.predict("do it", picture(shade)) for shade in range(steps)]
-    return path, given
+        options = [agent.predict("do it", picture(shade)) for shade in range(steps)]
+    return path, options
 
 
 def test_a_run_in_which_half_a_character_was_said_can_be_replayed(tmp_path):
-    path, given = logged(tmp_path, "odd \ud83d\n\u2028 one", GOOD, steps=2)
-    assert given[0][0] == "odd \ud83d\n\u2028 one"
+    path, options = logged(tmp_path, "odd \ud83d\n\u2028 one", GOOD, steps=2)
+    assert options[0][0] == "odd \ud83d\n\u2028 one"
     again = agent_of(tmp_path, "http://127.0.0.1:1")
     again._model._recorder = RequestReplay(path)
-    assert [again.predict("do it", picture(shade)) for shade in range(2)] == given
+    assert [again.predict("do it", picture(shade)) for shade in range(2)] == options
 
 
 def test_a_replay_says_which_picture_is_another_one(tmp_path):
@@ -304,8 +306,8 @@ def test_the_digest_of_a_request_knows_pictures_by_their_pixels():
         return make_wire("openai").body(query, ModelSettings(model="m"))
 
     plain = picture(5)["screenshot"]
-    other = plain.copy()
-    other[-1, -1, 2] ^= 1
+    copied = plain.copy()
+    copied[-1, -1, 2] ^= 1
     assert request_digest(body(plain)) == request_digest(body(plain[::-1][::-1]))
-    assert request_digest(body(plain)) != request_digest(body(other))
+    assert request_digest(body(plain)) != request_digest(body(copied))
     assert request_digest(body(plain)) != request_digest(body(plain.reshape(96, 54, 3)))

@@ -95,8 +95,8 @@ def test_a_request_that_is_refused_is_not_sent_again(tmp_path, status):
 @pytest.mark.parametrize("client", ["openai", "anthropic"])
 def test_a_wrong_key_names_its_variable_and_is_not_shown(tmp_path, monkeypatch, client):
     monkeypatch.setenv("MY_KEY", "k-secret-7")
-    said = b'{"error": {"message": "Incorrect key: k-secret-7", "type": "authentication_error"}}'
-    with serving(Raw(said, status=401)) as endpoint:
+    output = b'{"error": {"message": "Incorrect key: k-secret-7", "type": "authentication_error"}}'
+    with serving(Raw(output, status=401)) as endpoint:
         agent = agent_of(tmp_path, endpoint.url, client=client, api_key_env="MY_KEY")
         with pytest.raises(EndpointError, match="check the key in MY_KEY") as caught:
             ask(agent)
@@ -135,14 +135,14 @@ def test_a_key_that_an_endpoint_repeats_is_written_nowhere(
         env, _ = make_env(log=tmp_path / "run")
         record = play(env, agent, JOB, 0, None)
         env.close()
-        shown = ""
+        value = ""
         try:
             agent.predict("do it", picture())
         except EndpointError as error:
-            shown = "".join(traceback.format_exception(error))
+            value = "".join(traceback.format_exception(error))
     files = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     assert len(files) >= 3
-    written = [shown, json.dumps(record), caplog.text, *capfd.readouterr()]
+    written = [value, json.dumps(record), caplog.text, *capfd.readouterr()]
     for form in (KEY, KEY.replace("/", "\\/")):
         assert not [text for text in written if form in text]
         assert not [path for path, data in files.items() if form.encode() in data]
@@ -204,8 +204,8 @@ def test_an_endpoint_that_does_not_count_is_not_free(tmp_path, counts, used):
         agent = agent_of(tmp_path, endpoint.url, prices=prices)
         ask(agent)
     usage = agent.usage
-    found = (usage["input_tokens"], usage["output_tokens"], usage["usd"])
-    assert found == used
+    items = (usage["input_tokens"], usage["output_tokens"], usage["usd"])
+    assert items == used
 
 
 def test_an_answer_may_begin_with_a_mark_and_hold_what_json_does_not_have(tmp_path):
@@ -309,13 +309,13 @@ TYPED = [
 @pytest.mark.parametrize(("dialect", "answer", "actions"), TYPED)
 def test_what_is_said_in_a_typed_dialect(tmp_path, dialect, answer, actions):
     with serving(answer) as endpoint:
-        got = ask(agent_of(tmp_path, endpoint.url, prompt=dialect, parser=dialect))
+        result = ask(agent_of(tmp_path, endpoint.url, prompt=dialect, parser=dialect))
     if actions is not None:
-        assert got == actions
+        assert result == actions
         return
     env, _ = make_env()
     env.reset(seed=0)
-    [malformed] = got
+    [malformed] = result
     env.step(malformed)
     env.step("DONE")
     assert (env.record["malformed"], env.record["steps"]) == (1, 2)
@@ -342,9 +342,9 @@ CLICKS = {
 @pytest.mark.parametrize("dialect", CLICKS)
 def test_the_middle_of_the_screen_in_every_dialect_of_2026(tmp_path, dialect):
     with serving(CLICKS[dialect]) as endpoint:
-        got = ask(agent_of(tmp_path, endpoint.url, parser=dialect))
+        result = ask(agent_of(tmp_path, endpoint.url, parser=dialect))
     # OpenCUA points at 84 x 56 pixels: (42.5, 27.5) of them is (48.57, 26.52) of 96 x 54.
-    assert got == [
+    assert result == [
         "pyautogui.click(x=48, y=26)" if dialect == "opencua" else "pyautogui.click(48, 27)"
     ]
 
@@ -381,8 +381,10 @@ def test_points_below_one_are_counted_and_told_in_the_report(tmp_path):
     env.step("pyautogui.click(30, 20)")
     env.step("DONE")
     assert env.record["points"] == {"named": 2, "fractions": 1}
-    told = list(fraction_note(SimpleNamespace(last_attempts=[env.record], is_scored=False)))
-    assert told == [
+    message = list(
+        fraction_note(SimpleNamespace(last_attempts=[env.record], is_scored=False, config={}))
+    )
+    assert message == [
         f"{env.record['agent']}: 1 of 2 points were below 1, and were read as pixels of the top"
         " left corner: is coordinates: fractions meant?"
     ]
@@ -502,11 +504,11 @@ class Counter:
 )
 def test_any_agent_may_count(usage, kept):
     env, _ = make_env()
-    found = play(env, Counter(usage), JOB, 0, None)["usage"]
+    value = play(env, Counter(usage), JOB, 0, None)["usage"]
     if kept is not None and "problem" in kept:
-        assert found["problem"].startswith(kept["problem"])
+        assert value["problem"].startswith(kept["problem"])
     else:
-        assert found == kept
+        assert value == kept
 
 
 def test_the_fake_answers_are_those_of_the_apis():
@@ -573,7 +575,7 @@ ARGUMENTS = st.recursive(
     arguments=st.lists(ARGUMENTS, max_size=2),
 )
 def test_nothing_that_a_model_says_is_an_exception(dialect, coordinates, parts, arguments):
-    calls = tuple({"name": "computer_use", "arguments": one} for one in arguments)
+    calls = tuple({"name": "computer_use", "arguments": argument} for argument in arguments)
     parser = ReplyParser(dialect=dialect, coordinates=coordinates)
     actions = parser.read(Reply(text="".join(parts), calls=calls), (108, 192))
     assert all(isinstance(action, str) for action in actions)

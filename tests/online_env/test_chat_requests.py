@@ -27,19 +27,19 @@ def test_a_conversation_in_text(tmp_path):
     with serving(CLICK) as endpoint:
         agent = agent_of(tmp_path, endpoint.url, history=2)
         assert play(agent, 4) == [(CLICK, ["pyautogui.click(1, 2)"])] * 4
-    said = CLICK[:LENGTH]
-    each = "The screen now. What is the next action?"[:LENGTH]
+    output = CLICK[:LENGTH]
+    value = "The screen now. What is the next action?"[:LENGTH]
     left_out = "(An older screenshot, left out.)"
     body = dict(endpoint.asked[3])
     assert outline(body.pop("messages")) == [
         ("system", ["You operate a desktop computer to"[:LENGTH]]),
-        ("user", ["Task: do it", each, left_out]),
-        ("assistant", [said]),
-        ("user", [each, 1]),
-        ("assistant", [said]),
-        ("user", [each, 2]),
-        ("assistant", [said]),
-        ("user", [each, 3]),
+        ("user", ["Task: do it", value, left_out]),
+        ("assistant", [output]),
+        ("user", [value, 1]),
+        ("assistant", [output]),
+        ("user", [value, 2]),
+        ("assistant", [output]),
+        ("user", [value, 3]),
     ]
     assert body == {"model": "m", "temperature": 0.6, "top_p": 0.9, "max_tokens": 1500}
     assert endpoint.pictures == [1, 2, 3, 3]
@@ -79,13 +79,13 @@ def test_messages_in_text(tmp_path):
         agent = agent_of(tmp_path, url, client="anthropic", history=1)
         assert play(agent, 3) == [(CLICK, ["pyautogui.click(1, 2)"]), ("", [""]), (DONE, ["DONE"])]
     body = endpoint.asked[2]
-    each = "The screen now. What is the next action?"[:LENGTH]
+    value = "The screen now. What is the next action?"[:LENGTH]
     assert outline(body["messages"]) == [
-        ("user", ["Task: do it", each, "(An older screenshot, left out.)"]),
+        ("user", ["Task: do it", value, "(An older screenshot, left out.)"]),
         ("assistant", [CLICK[:LENGTH]]),
-        ("user", [each, 1]),
+        ("user", [value, 1]),
         ("assistant", ["(nothing)"]),
-        ("user", [each, 2]),
+        ("user", [value, 2]),
     ]
     assert body["system"].startswith("You operate")
     assert "tools" not in body
@@ -172,10 +172,10 @@ def test_tokens_and_money_are_counted_a_step_and_in_all(tmp_path):
     with serving(CLICK) as endpoint:
         agent = agent_of(tmp_path, endpoint.url, prices="{input: 2.5, output: 10}")
         play(agent, 2)
-    one = 1000 * 2.5e-6 + 20 * 10e-6
+    value = 1000 * 2.5e-6 + 20 * 10e-6
     usage = agent.usage
-    assert [step["usd"] for step in usage["steps"]] == pytest.approx([one, one])
-    assert usage["usd"] == pytest.approx(2 * one)
+    assert [step["usd"] for step in usage["steps"]] == pytest.approx([value, value])
+    assert usage["usd"] == pytest.approx(2 * value)
     assert (usage["requests"], usage["input_tokens"], usage["output_tokens"]) == (2, 2000, 40)
     with serving(CLICK) as endpoint:
         agent = agent_of(tmp_path, endpoint.url)

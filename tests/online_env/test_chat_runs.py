@@ -70,11 +70,11 @@ class Run:
         chosen = str(agent or self.agent)
         words = [str(self.folder / "bench.yaml"), "--agent", chosen, "--out", str(out)]
         words += ["--desktops", "1"]
-        found = CliRunner().invoke(bench, [*words, *map(str, options)])
-        if isinstance(found.exception, HijackError):
-            raise found.exception
-        assert found.exit_code == code, found.output
-        return found.output, records.read(out).records
+        value = CliRunner().invoke(bench, [*words, *map(str, options)])
+        if isinstance(value.exception, HijackError):
+            raise value.exception
+        assert value.exit_code == code, value.output
+        return value.output, records.read(out).records
 
 
 def lines(folder):
@@ -95,19 +95,19 @@ def test_a_run_keeps_its_log_and_can_be_replayed_without_the_endpoint(tmp_path, 
     monkeypatch.setenv("MY_KEY", "k-secret-7")
     with serving(model) as endpoint:
         run = Run(tmp_path, endpoint.url, api_key_env="MY_KEY", prices="{input: 1, output: 1}")
-        _, made = run("first")
-        asked = len(endpoint.asked)
-    assert [record["score"] for record in made] == [1.0, 1.0]
-    assert all(record["usage"]["usd"] == pytest.approx(2 * 1020e-6) for record in made)
+        _, value = run("first")
+        requests = len(endpoint.asked)
+    assert [record["score"] for record in value] == [1.0, 1.0]
+    assert all(record["usage"]["usd"] == pytest.approx(2 * 1020e-6) for record in value)
     logs = lines(tmp_path / "first")
-    assert set(logs) == {record["id"] for record in made}
-    assert sum(map(len, logs.values())) == asked == 4
+    assert set(logs) == {record["id"] for record in value}
+    assert sum(map(len, logs.values())) == requests == 4
     everything = "".join(p.read_text() for p in (tmp_path / "first").rglob("*.json*"))
     assert "k-secret-7" not in everything
     assert "base64," not in everything
     monkeypatch.delenv("MY_KEY")
     _, again = run("again", "--replay", tmp_path / "first")
-    assert list(map(outcome, again)) == list(map(outcome, made))
+    assert list(map(outcome, again)) == list(map(outcome, value))
     assert not (tmp_path / "again" / "requests").exists()
     steps = [(tmp_path / name / "episodes").glob("*/steps.jsonl") for name in ("first", "again")]
     taken = [
@@ -124,8 +124,8 @@ def test_a_run_keeps_its_log_and_can_be_replayed_without_the_endpoint(tmp_path, 
 def test_a_request_that_the_log_lacks_names_its_step_and_what_differs(tmp_path):
     with serving(model) as endpoint:
         run = Run(tmp_path, endpoint.url)
-        _, made = run("first")
-    log = tmp_path / "first" / "requests" / f"{made[1]['id']}.jsonl"
+        _, value = run("first")
+    log = tmp_path / "first" / "requests" / f"{value[1]['id']}.jsonl"
     first, second = log.read_text().splitlines()
     log.write_text(first + "\n" + second.replace('"sha256": "', '"sha256": "0', 1) + "\n")
     _, again = run("again", "--replay", tmp_path / "first", code=1)
@@ -151,10 +151,10 @@ def test_another_prompt_is_another_run(tmp_path):
 def test_a_failure_is_replayed_as_one(tmp_path):
     with serving(Raw(b'{"error": {"message": "no such model"}}', status=404)) as endpoint:
         run = Run(tmp_path, endpoint.url)
-        _, made = run("first", code=1)
-    assert "no such model" in made[0]["problem"]
+        _, value = run("first", code=1)
+    assert "no such model" in value[0]["problem"]
     _, again = run("again", "--replay", tmp_path / "first" / "requests", code=1)
-    assert [record["problem"] for record in again] == [record["problem"] for record in made]
+    assert [record["problem"] for record in again] == [record["problem"] for record in value]
 
 
 def test_a_log_that_is_not_there(tmp_path):
@@ -166,14 +166,14 @@ def test_a_log_that_is_not_there(tmp_path):
 def test_a_run_stops_at_its_cost_and_goes_on_later(tmp_path):
     with serving(model) as endpoint:
         run = Run(tmp_path, endpoint.url, prices="{input: 1000, output: 1000}")
-        said, made = run("run", "--max-cost", 1.5, code=1)
-        assert len(made) == 1, "an episode costs 2.04 USD, and the one under way is finished"
-        assert "the run has cost 2.0400 USD, and --max-cost is 1.5" in said
-        said, made = run("run", "--max-cost", 1.5, "--resume", code=1)
-        assert len(made) == 1
-        said, made = run("run", "--max-cost", 3, "--resume")
-        assert [record["score"] for record in made] == [1.0, 1.0]
-        assert "models: 4 requests, 4000 tokens read, 80 written, 4.08 USD" in said
+        output, value = run("run", "--max-cost", 1.5, code=1)
+        assert len(value) == 1, "an episode costs 2.04 USD, and the one under way is finished"
+        assert "the run has cost 2.0400 USD, and --max-cost is 1.5" in output
+        output, value = run("run", "--max-cost", 1.5, "--resume", code=1)
+        assert len(value) == 1
+        output, value = run("run", "--max-cost", 3, "--resume")
+        assert [record["score"] for record in value] == [1.0, 1.0]
+        assert "models: 4 requests, 4000 tokens read, 80 written, 4.08 USD" in output
 
 
 def test_what_costs_an_unknown_amount_cannot_be_limited(tmp_path):
@@ -259,10 +259,10 @@ def test_a_run_goes_on_only_with_the_same_file_and_prompts(tmp_path):
 def test_an_episode_that_is_run_again_replaces_its_log(tmp_path):
     with serving(model) as endpoint:
         run = Run(tmp_path, endpoint.url)
-        _, made = run("run")
+        _, value = run("run")
         path = tmp_path / "run" / "records.jsonl"
         path.write_bytes(path.read_bytes().splitlines(keepends=True)[0])
-        os.remove(tmp_path / "run" / "episodes" / made[1]["id"] / "episode.json")
+        os.remove(tmp_path / "run" / "episodes" / value[1]["id"] / "episode.json")
         run("run", "--resume")
     assert [len(log) for log in lines(tmp_path / "run").values()] == [2, 2]
 

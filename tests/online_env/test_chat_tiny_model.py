@@ -45,15 +45,15 @@ def words():
     from tokenizers import pre_tokenizers
 
     letters = sorted(pre_tokenizers.ByteLevel.alphabet())
-    made = transformers.Qwen2Tokenizer(
+    qwen2_tokenizer = transformers.Qwen2Tokenizer(
         vocab={letter: number for number, letter in enumerate(letters)},
         merges=[],
         eos_token="<|im_end|>",
         pad_token="<|endoftext|>",
         unk_token=None,
     )
-    made.add_special_tokens({"additional_special_tokens": SPECIAL})
-    return made
+    qwen2_tokenizer.add_special_tokens({"additional_special_tokens": SPECIAL})
+    return qwen2_tokenizer
 
 
 class TinyModel:
@@ -116,14 +116,14 @@ class TinyModel:
         _, rows, columns = inputs["image_grid_thw"][-1].tolist()
         self.seen.append((rows * 14, columns * 14))
         with torch.no_grad():
-            made = self.net.generate(
+            result = self.net.generate(
                 **inputs,
                 max_new_tokens=min(8, body["max_tokens"]),
                 do_sample=True,
                 temperature=body["temperature"],
                 top_p=body["top_p"],
             )
-        return self.words.decode(made[0, inputs["input_ids"].shape[1] :])
+        return self.words.decode(result[0, inputs["input_ids"].shape[1] :])
 
 
 class AimingModel(TinyModel):
@@ -158,8 +158,8 @@ def test_a_model_that_babbles_plays_an_episode_to_its_end(tmp_path):
     tiny = TinyModel()
     with serving(tiny) as endpoint:
         env, _ = make_env(max_steps=3)
-        one = agent(tmp_path, endpoint.url)
-        record = play(env, one, Job("agent", "t", "clean", 0), 0, None)
+        result = agent(tmp_path, endpoint.url)
+        record = play(env, result, Job("agent", "t", "clean", 0), 0, None)
     assert (record["status"], record["ended"], record["steps"]) == ("ok", "max_steps", 3)
     assert record["malformed"] == 3
     assert len(tiny.seen) == 3
@@ -170,9 +170,9 @@ def test_clicks_land_where_the_model_aims_in_its_own_picture(tmp_path, size):
     noise = np.random.default_rng(0).integers(0, 256, (*size, 3), dtype=np.uint8)
     tiny = AimingModel()
     with serving(tiny) as endpoint:
-        one = agent(tmp_path, endpoint.url)
-        _, [action] = one.predict("do it", {"screenshot": noise})
-    assert tiny.seen == [one._parser.seen(size)], "our smart_resize is the processor's"
+        result = agent(tmp_path, endpoint.url)
+        _, [action] = result.predict("do it", {"screenshot": noise})
+    assert tiny.seen == [result._parser.seen(size)], "our smart_resize is the processor's"
     assert tiny.seen != [size]
     x, y = map(int, action.removeprefix("pyautogui.click(").removesuffix(")").split(", "))
     assert abs(x - size[1] / 2) <= 1 + size[1] / tiny.seen[0][1]

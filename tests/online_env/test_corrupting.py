@@ -52,20 +52,20 @@ def corrupted(desktop, ledger):
 
 def test_a_corruption_of_the_machine_is_applied_probed_and_recorded(ledger):
     desktop = FakeDesktop()
-    done = corrupted(desktop, ledger)
-    assert done.ok
+    result = corrupted(desktop, ledger)
+    assert result.ok
     assert desktop.state == {"marked"}
-    assert (done.after != done.before).any()
-    assert "test_mark" in json.dumps(done.records)
+    assert (result.after != result.before).any()
+    assert "test_mark" in json.dumps(result.records)
     (entry,) = ledger.entries()
     assert entry["corruption"] == "marking"
     assert [record["effect"] for record in entry["records"]] == ["test_mark"]
 
 
 def test_an_effect_whose_probe_fails_is_not_ok(ledger):
-    done = corrupt_desktop(FakeDesktop(), ByHand(sabotaged=True))
-    assert not done.ok
-    assert "nothing is marked" in done.saw
+    desktop = corrupt_desktop(FakeDesktop(), ByHand(sabotaged=True))
+    assert not desktop.ok
+    assert "nothing is marked" in desktop.saw
 
 
 class Twice(ByHand):
@@ -197,5 +197,5 @@ def test_two_processes_do_not_lose_what_the_other_applied(ledger, tmp_path):
     for process in running:
         process.communicate()
         assert process.returncode == 0
-    found = {entry["corruption"] for entry in ledger.entries()}
-    assert found == {f"{name}{n}" for name in "ab" for n in range(60)}
+    names = {entry["corruption"] for entry in ledger.entries()}
+    assert names == {f"{name}{n}" for name in "ab" for n in range(60)}

@@ -36,8 +36,8 @@ class Windows(FakeDesktop):
             back = fields["ids"] or self.hidden
             self.hidden = []
             return {"restored": back, "left": back[:1] if self.is_stubborn else []}
-        shown = [number for number in (1, 2) if number not in self.hidden]
-        windows = [{"title": f"w{n}", "mapped": True, "type": "normal"} for n in shown]
+        matches = [number for number in (1, 2) if number not in self.hidden]
+        windows = [{"title": f"w{n}", "mapped": True, "type": "normal"} for n in matches]
         return {"desktop_shown": False, "windows": windows}
 
     def __enter__(self) -> "Windows":
@@ -49,12 +49,12 @@ class Windows(FakeDesktop):
 
 @pytest.fixture
 def desktop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Windows:
-    made = Windows()
+    windows = Windows()
     (tmp_path / "d1").mkdir()
-    monkeypatch.setattr("online_env.embedded.running.attach", lambda name: made)
+    monkeypatch.setattr("online_env.embedded.running.attach", lambda name: windows)
     monkeypatch.setattr("online_env.embedded.runtime.registry.folder", lambda name: tmp_path / name)
     monkeypatch.chdir(tmp_path)
-    return made
+    return windows
 
 
 def run(*words: str) -> Result:
@@ -63,17 +63,17 @@ def run(*words: str) -> Result:
 
 def size_of(picture: Path) -> tuple[int, int]:
     """Return the height and the width of a picture."""
-    with Image.open(picture) as found:
-        return found.height, found.width
+    with Image.open(picture) as image:
+        return image.height, image.width
 
 
 def test_a_corruption_is_applied_told_refused_twice_and_taken_back(desktop: Windows) -> None:
-    done = run("app_minimization")
-    assert done.output.splitlines() == [
+    result = run("app_minimization")
+    assert result.output.splitlines() == [
         "app_minimization on d1: no window is on the screen, 2 went to the panel",
         "  take it back with: hijack desktop corrupt --undo app_minimization --on d1",
     ]
-    assert (done.exit_code, desktop.hidden) == (0, [1, 2])
+    assert (result.exit_code, desktop.hidden) == (0, [1, 2])
     again = run("app_minimization")
     assert again.exit_code == 1
     assert "app_minimization is on d1 already" in str(again.exception)
@@ -84,9 +84,9 @@ def test_a_corruption_is_applied_told_refused_twice_and_taken_back(desktop: Wind
 
 def test_a_probe_that_is_false_is_the_exit_code(desktop: Windows) -> None:
     desktop.is_stubborn = True
-    done = run("app_minimization")
-    assert done.exit_code == 1
-    assert done.output.splitlines()[0] == (
+    result = run("app_minimization")
+    assert result.exit_code == 1
+    assert result.output.splitlines()[0] == (
         "app_minimization on d1: the probe is FALSE: still on the screen: 'w1', 'w2'"
     )
     undone = run("--undo", "app_minimization")
@@ -97,10 +97,10 @@ def test_a_probe_that_is_false_is_the_exit_code(desktop: Windows) -> None:
 
 
 def test_what_was_done_is_one_json_object(desktop: Windows, tmp_path: Path) -> None:
-    done = json.loads(run("app_minimization", "--json", "--seed", "4").output)
-    (effect,) = done.pop("effects")
-    digest = done.pop("digest")
-    assert done == {
+    data = json.loads(run("app_minimization", "--json", "--seed", "4").output)
+    (effect,) = data.pop("effects")
+    digest = data.pop("digest")
+    assert data == {
         "corruption": "app_minimization",
         "desktop": "d1",
         "ok": True,
@@ -130,12 +130,12 @@ def test_what_was_done_is_one_json_object(desktop: Windows, tmp_path: Path) -> N
 
 
 def test_what_an_agent_sees_is_saved(desktop: Windows, tmp_path: Path) -> None:
-    done = run("subtitle", "--set", "font_size=12")
-    assert (done.exit_code, "take it back" in done.output) == (0, False)
-    assert "  what an agent sees: subtitle.png" in done.output
+    result = run("subtitle", "--set", "font_size=12")
+    assert (result.exit_code, "take it back" in result.output) == (0, False)
+    assert "  what an agent sees: subtitle.png" in result.output
     assert size_of(tmp_path / "subtitle.png") == SIZE
-    done = run("app_minimization", "--out", "mine.png")
-    assert "  what an agent sees: mine.png" in done.output
+    result = run("app_minimization", "--out", "mine.png")
+    assert "  what an agent sees: mine.png" in result.output
     assert size_of(tmp_path / "mine.png") == SIZE
     assert not (tmp_path / "app_minimization.png").exists()
 
@@ -161,9 +161,9 @@ def test_without_a_record_it_goes_by_what_the_machine_shows(
 
 
 def test_a_name_or_undo_must_be_given(desktop: Windows) -> None:
-    done = run()
-    assert done.exit_code == 2
-    assert "give the NAME of a corruption (hijack list), or --undo" in done.output
-    done = run("subtitel")
-    assert "did you mean 'subtitle'" in str(done.exception)
+    result = run()
+    assert result.exit_code == 2
+    assert "give the NAME of a corruption (hijack list), or --undo" in result.output
+    result = run("subtitel")
+    assert "did you mean 'subtitle'" in str(result.exception)
     assert run("subtitle", "--set", "size=12").exit_code != 0

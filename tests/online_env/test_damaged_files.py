@@ -97,8 +97,8 @@ def test_a_head_that_was_cut_off(run):
     head.write_bytes(head.read_bytes()[:40])
     with pytest.raises(RunError, match=r"run\.json: is not JSON"):
         resume(run)
-    found = CliRunner().invoke(report, [str(run)])
-    assert isinstance(found.exception, RunError)
+    result = CliRunner().invoke(report, [str(run)])
+    assert isinstance(result.exception, RunError)
 
 
 def test_a_line_that_was_cut_off_at_the_end_is_dropped_and_run_again(run):
@@ -171,17 +171,17 @@ def test_a_run_that_another_process_plays(run):
     ],
 )
 def test_a_line_that_no_run_writes_is_left_out_and_named(run, changes, said):
-    other = {"id": "another"} if changes else {}
+    second = {"id": "another"} if changes else {}
     with (run / reading.RECORDS).open("a") as file:
-        file.write(json.dumps({**RECORD, "score": 0.0, **other, **changes}) + "\n")
-    found = records.read(run)
-    assert [record["score"] for record in found.records] == [1.0]
-    ((line, problem),) = [(damage.line, damage.problem) for damage in found.damaged]
+        file.write(json.dumps({**RECORD, "score": 0.0, **second, **changes}) + "\n")
+    result = records.read(run)
+    assert [record["score"] for record in result.records] == [1.0]
+    ((line, problem),) = [(damage.line, damage.problem) for damage in result.damaged]
     assert line == 2
     assert said in problem
-    done = CliRunner().invoke(report, [str(run), "--format", "json"])
-    assert done.exit_code == 1, "something is damaged"
-    assert f"records.jsonl:2: skipped: {problem}" in done.stderr
+    value = CliRunner().invoke(report, [str(run), "--format", "json"])
+    assert value.exit_code == 1, "something is damaged"
+    assert f"records.jsonl:2: skipped: {problem}" in value.stderr
 
 
 def test_an_attempt_that_is_not_known_is_the_first(run):
@@ -200,12 +200,12 @@ def test_what_an_agent_says_it_used_is_summed_only_if_it_can_be(run):
         for number, usage in enumerate(odd):
             names = {"id": f"more-{number}", "task": f"task-{number}", "usage": usage}
             file.write(json.dumps({**RECORD, **names}) + "\n")
-    found = records.read(run)
-    assert not found.damaged
-    (cell,) = build_report(found).cells
+    result = records.read(run)
+    assert not result.damaged
+    (cell,) = build_report(result).cells
     assert (cell.input_tokens, cell.usd) == (60, None), "one price is not known"
-    assert costs.total_cost(found.records) == 0.5
-    assert costs.usage_line(found.records).endswith("60 tokens read, 9 written, price not known")
+    assert costs.total_cost(result.records) == 0.5
+    assert costs.usage_line(result.records).endswith("60 tokens read, 9 written, price not known")
 
 
 def test_records_of_other_episodes_do_not_stand_for_missing_ones(tmp_path):
@@ -213,9 +213,9 @@ def test_records_of_other_episodes_do_not_stand_for_missing_ones(tmp_path):
     planned = [EPISODES[0], "oracle--rename--clean--0"]
     with records.create(folder, CONFIG, planned):
         records.append_all(folder, [RECORD, {**RECORD, "id": "x", "agent": "another"}])
-    found = records.read(folder)
-    assert found.unplayed == ("oracle--rename--clean--0",)
-    assert found.missing == 1
+    result = records.read(folder)
+    assert result.unplayed == ("oracle--rename--clean--0",)
+    assert result.missing == 1
 
 
 @pytest.mark.parametrize(
@@ -229,10 +229,10 @@ def test_records_of_other_episodes_do_not_stand_for_missing_ones(tmp_path):
 )
 def test_a_head_that_no_run_writes(run, changes, said):
     head_of(run, **changes)
-    found = CliRunner().invoke(report, [str(run)])
-    assert isinstance(found.exception, RunError)
-    assert str(run / reading.RUN) in str(found.exception)
-    assert said in str(found.exception)
+    result = CliRunner().invoke(report, [str(run)])
+    assert isinstance(result.exception, RunError)
+    assert str(run / reading.RUN) in str(result.exception)
+    assert said in str(result.exception)
 
 
 @pytest.mark.parametrize(
@@ -245,17 +245,17 @@ def test_a_head_that_no_run_writes(run, changes, said):
 )
 def test_a_scoring_run_whose_settings_are_of_the_wrong_kind_is_shown(run, config):
     head_of(run, config={**CONFIG, "kind": "score", **config})
-    found = CliRunner().invoke(report, [str(run)])
-    assert found.exception is None or isinstance(found.exception, SystemExit)
-    assert "oracle" in found.stdout
-    assert "many" not in found.stdout
+    result = CliRunner().invoke(report, [str(run)])
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert "oracle" in result.stdout
+    assert "many" not in result.stdout
 
 
 @pytest.mark.parametrize("created", [10**400, 1e300, -1, True])
 def test_a_run_of_a_machine_without_a_clock_has_no_date(run, tmp_path, created):
     head_of(run, created=created)
-    done = CliRunner().invoke(report, [str(run), "-o", str(tmp_path / "report.html")])
-    assert done.exit_code == 0, done.output
+    result = CliRunner().invoke(report, [str(run), "-o", str(tmp_path / "report.html")])
+    assert result.exit_code == 0, result.output
     assert "begun</" not in (tmp_path / "report.html").read_text()
 
 
@@ -275,12 +275,12 @@ def cell(**fields):
 
 
 def test_a_report_of_a_report_that_was_edited(run, tmp_path):
-    made = tmp_path / "report.json"
-    done = CliRunner().invoke(report, [str(run), "-o", str(made)])
-    assert done.exit_code == 0, done.output
-    assert load_report(made).cells
-    data = json.loads(made.read_text())
-    for changes, said in (
+    value = tmp_path / "report.json"
+    result = CliRunner().invoke(report, [str(run), "-o", str(value)])
+    assert result.exit_code == 0, result.output
+    assert load_report(value).cells
+    data = json.loads(value.read_text())
+    for changes, output in (
         ({"color": "red"}, "unknown field 'color'; make the report again"),
         ({"cells": 5}, "cells: must be a list, got 5; make the report again"),
         ({"cells": [5]}, "must be an object, got 5; make the report again"),
@@ -293,7 +293,7 @@ def test_a_report_of_a_report_that_was_edited(run, tmp_path):
         (cell(agent="\ud800"), "holds what JSON does not have"),
         (
             {"summaries": [{"agent": "a", "n": 1, "given": ["hints"]}]},
-            "given: must be among task, plan, process, got ('hints',)",
+            "given: must be among task, plan, process, tree, devtools, got ('hints',)",
         ),
         (
             {"run": {"name": "x", "kind": "bench", "settings": {"marks": 5}}},
@@ -305,11 +305,11 @@ def test_a_report_of_a_report_that_was_edited(run, tmp_path):
         ),
         ({"run": {"name": "x", "kind": "bench", "created": 1e18}}, "created: must be from 0 to"),
     ):
-        made.write_text(json.dumps(data | changes))
+        value.write_text(json.dumps(data | changes))
         with pytest.raises(HijackError) as error:
-            load_report(made)
-        assert said in str(error.value)
-        assert str(made) in str(error.value)
+            load_report(value)
+        assert output in str(error.value)
+        assert str(value) in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -328,10 +328,10 @@ def test_a_report_of_a_report_that_was_edited(run, tmp_path):
     ],
 )
 def test_options_of_a_report_that_cannot_be(run, words, said):
-    found = CliRunner().invoke(hijack, [word.replace("RUN", str(run)) for word in words])
-    assert found.exit_code != 0
-    assert isinstance(found.exception, HijackError), found.output
-    assert said.replace("RUN", str(run)) in str(found.exception)
+    result = CliRunner().invoke(hijack, [word.replace("RUN", str(run)) for word in words])
+    assert result.exit_code != 0
+    assert isinstance(result.exception, HijackError), result.output
+    assert said.replace("RUN", str(run)) in str(result.exception)
 
 
 @pytest.mark.parametrize(
@@ -343,9 +343,9 @@ def test_options_of_a_report_that_cannot_be(run, words, said):
     ],
 )
 def test_gates_that_mean_nothing_are_refused_before_the_run(gate, error, said):
-    with pytest.raises(error, match="fail-under") as found:
+    with pytest.raises(error, match="fail-under") as result:
         ReleaseGate.read((gate,), None, ("oracle",), ("clean",))
-    assert said in str(found.value)
+    assert said in str(result.value)
 
 
 # Files of agents and of OSWorld

@@ -11,17 +11,17 @@ from online_env.embedded.runtime import rootless
 @pytest.fixture
 def switches(tmp_path, monkeypatch):
     """The kernel's settings, in files of the test's own; all allow user namespaces."""
-    found = {}
+    entries = {}
     moved = {}
     for path, switch in rootless._SWITCHES.items():
         name = path.rpartition("/")[2]
-        found[name] = tmp_path / name
-        found[name].write_text("10000")
-        moved[str(found[name])] = switch
+        entries[name] = tmp_path / name
+        entries[name].write_text("10000")
+        moved[str(entries[name])] = switch
     monkeypatch.setattr(rootless, "_SWITCHES", moved)
     monkeypatch.setattr(rootless, "in_container", lambda: False)
     monkeypatch.setattr(rootless.os, "geteuid", lambda: 1000)
-    return found
+    return entries
 
 
 @pytest.mark.parametrize(
@@ -52,9 +52,9 @@ def test_each_switch_of_the_kernel_is_named(switches, name, value, command):
     ],
 )
 def test_other_refusals_have_a_way_out(switches, reason, way):
-    found = rootless.way_out(reason)
-    assert way in found
-    assert "\n" not in found
+    result = rootless.way_out(reason)
+    assert way in result
+    assert "\n" not in result
 
 
 def test_in_a_container_the_option_is_named(switches, monkeypatch):
@@ -68,13 +68,13 @@ def test_in_a_container_the_option_is_named(switches, monkeypatch):
 def test_with_an_image_the_packages_of_the_machine_do_not_matter(monkeypatch):
     monkeypatch.setattr(doctor.shutil, "which", lambda name: None)
     monkeypatch.setattr(doctor.packages.shutil, "which", lambda name: None)
-    without = {found.name: found for found in doctor.diagnose(("core",), cache.HOST)}
+    without = {entries.name: entries for entries in doctor.diagnose(("core",), cache.HOST)}
     assert not without["system"].ok
     assert "hijack desktop install" in without["system"].fix
     assert without["packages core"].required
-    found = {found.name: found for found in doctor.diagnose(("core",), "never-made")}
-    assert found["system"].ok
-    assert not [name for name in found if name.startswith("packages")]
-    assert not found["image"].ok
-    assert found["image"].required
-    assert "no image 'never-made'" in found["image"].detail
+    entries = {entries.name: entries for entries in doctor.diagnose(("core",), "never-made")}
+    assert entries["system"].ok
+    assert not [name for name in entries if name.startswith("packages")]
+    assert not entries["image"].ok
+    assert entries["image"].required
+    assert "no image 'never-made'" in entries["image"].detail

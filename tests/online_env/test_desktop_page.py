@@ -100,9 +100,9 @@ def no_certificates(monkeypatch):
 
 @pytest.fixture
 def guest(tmp_path):
-    one = Guest(tmp_path)
-    yield one
-    one.close()
+    result = Guest(tmp_path)
+    yield result
+    result.close()
 
 
 @dataclass(frozen=True)
@@ -138,8 +138,8 @@ def page(guest, panel=None):
 
         def ask(method, path, headers=None, body=None):
             link = http.client.HTTPConnection(*viewer.server_address, timeout=30)
-            given = {"X-Token": viewer.token} if headers is None else headers
-            link.request(method, path, body, given)
+            options = {"X-Token": viewer.token} if headers is None else headers
+            link.request(method, path, body, options)
             answer = link.getresponse()
             data = answer.read()
             link.close()
@@ -162,18 +162,18 @@ def test_the_page_is_given_to_who_has_its_address_only(guest):
             assert mark not in data
         assert headers["Referrer-Policy"] == "no-referrer"
         assert headers["Cache-Control"] == "no-store"
-        for given in (
+        for options in (
             {},
             {"X-Token": "x"},
             {"X-Token": token, "Host": "evil.test"},
             {"X-Token": token, "Host": f"evil.test:{port}"},
             {"X-Token": token, "Host": "127.0.0.1"},
         ):
-            assert ask("GET", "/frame", given)[0] == 401, given
-            assert ask("POST", "/input", given, b"{}")[0] == 401, given
+            assert ask("GET", "/frame", options)[0] == 401, options
+            assert ask("POST", "/input", options, b"{}")[0] == 401, options
         assert ask("GET", "/frame", {"X-Token": token, "Host": f"localhost:{port}"})[0] == 200
         assert ask("GET", "/other")[:2] == (404, b"there is only / here")
-    assert [asked[1] for asked in guest.asked] == ["/ah/frame"]
+    assert [requests[1] for requests in guest.asked] == ["/ah/frame"]
     assert guest.asked[0][2] == "guest's secret"
 
 
@@ -181,15 +181,15 @@ def test_a_picture_is_sent_once_until_it_changes(guest):
     panel = Panel()
     with page(guest, panel) as ask:
         status, data, headers = ask("GET", "/frame")
-        shown = np.asarray(Image.open(io.BytesIO(data)), int)
-        assert (status, shown.shape) == (200, SCREEN.shape)
-        assert abs(shown - SCREEN.astype(int)).mean() < 30
-        seen = {"X-Token": ask.viewer.token, "X-Seen": headers["X-Frame"]}
-        assert ask("GET", "/frame", seen)[:2] == (204, b"")
+        result = np.asarray(Image.open(io.BytesIO(data)), int)
+        assert (status, result.shape) == (200, SCREEN.shape)
+        assert abs(result - SCREEN.astype(int)).mean() < 30
+        entries = {"X-Token": ask.viewer.token, "X-Seen": headers["X-Frame"]}
+        assert ask("GET", "/frame", entries)[:2] == (204, b"")
         panel.on = True
-        status, darker, changed = ask("GET", "/frame", seen)
+        status, darker, changed = ask("GET", "/frame", entries)
         assert status == 200
-        assert np.asarray(Image.open(io.BytesIO(darker)), int).mean() < 0.7 * shown.mean()
+        assert np.asarray(Image.open(io.BytesIO(darker)), int).mean() < 0.7 * result.mean()
         assert changed["X-Frame"] != headers["X-Frame"]
 
 
@@ -265,7 +265,7 @@ def test_ctrl_c_ends_the_page_and_says_what_goes_on(guest, monkeypatch, lasting,
         raise KeyboardInterrupt
 
     monkeypatch.setattr(view.Viewer, "serve_forever", interrupted)
-    said = []
+    output = []
     opened = []
 
     def open_page(address):
@@ -277,13 +277,13 @@ def test_ctrl_c_ends_the_page_and_says_what_goes_on(guest, monkeypatch, lasting,
     monkeypatch.setattr(view.webbrowser, "open", open_page)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setenv("DISPLAY", ":7" if lasting else "")
-    view.serve(guest.record, 0, said.append, lasting=lasting)
-    assert said[0].startswith("watch desktop d1 at http://127.0.0.1:")
+    view.serve(guest.record, 0, output.append, lasting=lasting)
+    assert output[0].startswith("watch desktop d1 at http://127.0.0.1:")
     assert bool(opened) == lasting
     if opened:  # the token is in the file, and in no argument
         assert ("token=" in opened[0], "token=" in opened[1]) == (False, True)
-    assert said[0].endswith(f"  (Ctrl-C ends {end})")
-    assert said[1:] == [last]
+    assert output[0].endswith(f"  (Ctrl-C ends {end})")
+    assert output[1:] == [last]
 
 
 # Videos

@@ -52,15 +52,15 @@ def order(**more):
 @pytest.fixture
 def ip(tmp_path, monkeypatch):
     """An `ip` that writes down what it is asked, and fails where `broken` is in it."""
-    told = tmp_path / "told"
+    message = tmp_path / "told"
     program = tmp_path / "ip"
     program.write_text(
-        f'#!/bin/sh\nread -r all\n(printf "%s\\n" "$*" "$all"; cat) >> {told}\n'
+        f'#!/bin/sh\nread -r all\n(printf "%s\\n" "$*" "$all"; cat) >> {message}\n'
         'case "$*$all" in *broken*) echo "RTNETLINK: no" >&2; exit 2;; esac\n'
     )
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
-    return told
+    return message
 
 
 def test_a_desktop_gets_a_cable_to_its_internet_and_to_nothing_else(ip):
@@ -104,11 +104,11 @@ def test_a_local_internet_that_does_not_serve_is_told(tmp_path, monkeypatch, scr
     python.write_text(f"#!/bin/sh\n{script}\n")
     python.chmod(0o755)
     patience = 0.1 if "sleep" in script else 60.0
-    given = DesktopConfig(
+    desktop_config = DesktopConfig(
         name="d1", screen=(8, 4), layer="", search_path=(), python=str(python), time_out=patience
     )
     kept = BoundedLogs(os.open(registry.folder("d1") / "logs", os.O_RDONLY))
-    sites = internet.Internet(given, "d1", kept)
+    sites = internet.Internet(desktop_config, "d1", kept)
 
     def start():
         while not sites.serves:
@@ -260,8 +260,8 @@ def test_a_guest_server_that_does_not_answer_is_noticed(tmp_path, monkeypatch):
         for _ in range(30):
             next(clock)
             assert not slept.is_stuck()
-        for one in (answering, stuck, slept):
-            one.close()
+        for item in (answering, stuck, slept):
+            item.close()
     gone = health.GuestHealth(str(tmp_path / "nothing"))
     assert any(gone.is_stuck() for _ in range(15))
     gone.close()
@@ -313,8 +313,8 @@ def test_a_probe_that_hangs_is_a_finding(monkeypatch):
     for name in ("_PROBE", "_ROOTLESS_PROBE", "_SHIFT_PROBE"):
         monkeypatch.setattr(doctor, name, "import time; time.sleep(60)")
     monkeypatch.setattr(doctor.os, "geteuid", lambda: 0)
-    for found in (doctor._kernel(), doctor._users()):
-        assert (found.ok, found.detail) == (False, "the probe did not end within 0.05 s")
+    for item in (doctor._kernel(), doctor._users()):
+        assert (item.ok, item.detail) == (False, "the probe did not end within 0.05 s")
 
 
 def test_old_golden_homes_go_and_the_present_one_stays(tmp_path):

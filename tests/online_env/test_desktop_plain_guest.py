@@ -70,8 +70,8 @@ def desktop(guest: PlainGuest) -> Iterator[HttpDesktop]:
     server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
     thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
     thread.start()
-    with HttpDesktop(f"http://127.0.0.1:{server.server_port}", timeout=5) as made:
-        yield made
+    with HttpDesktop(f"http://127.0.0.1:{server.server_port}", timeout=5) as http_desktop:
+        yield http_desktop
     server.shutdown()
     thread.join()
     server.server_close()
@@ -147,9 +147,9 @@ def test_a_size_may_change_and_one_that_is_given_is_not_asked_for(
     assert desktop.size == (1080, 1920)
     guest.says("/screen_size", {"width": 800, "height": 600})
     assert desktop.size == (600, 800)
-    asked = len(guest.asked)
+    requests = len(guest.asked)
     assert HttpDesktop(desktop.url, size=(1, 2)).size == (1, 2)
-    assert len(guest.asked) == asked
+    assert len(guest.asked) == requests
 
 
 def test_a_tree_is_a_text(desktop: HttpDesktop, guest: PlainGuest) -> None:
@@ -164,9 +164,9 @@ def test_a_tree_is_a_text(desktop: HttpDesktop, guest: PlainGuest) -> None:
 def test_code_runs_after_what_osworld_puts_before_it(
     desktop: HttpDesktop, guest: PlainGuest
 ) -> None:
-    done = {"status": "success", "output": "ü\n", "error": "", "returncode": 0}
-    guest.says("/execute", done)
-    assert vars(desktop.run("print('ü')")) == done
+    entries = {"status": "success", "output": "ü\n", "error": "", "returncode": 0}
+    guest.says("/execute", entries)
+    assert vars(desktop.run("print('ü')")) == entries
     command = ["python", "-c", f"{PREFIX}print('ü')"]
     assert guest.last() == {"command": command, "shell": False, "timeout": 60}
     desktop.execute("ls | wc", timeout=3)
@@ -234,13 +234,13 @@ def test_windows_are_read_from_what_wmctrl_lists(desktop: HttpDesktop, guest: Pl
         "Cannot read the class of a window\n"
     )
     guest.says("/execute", {"status": "success", "output": listed, "returncode": 0})
-    found = desktop.windows()
-    assert [list(window.values()) for window in found] == [
+    result = desktop.windows()
+    assert [list(window.values()) for window in result] == [
         [0x1600007, 812, "xfce4-panel.Xfce4-panel", "xfce4-panel", [0, 1040, 1920, 1080]],
         [0x220000A, 901, "thunar.Thunar", "Ä - Thunar", [-5, -30, 795, 570]],
         [0x2400003, 0, "xmessage.Xmessage", "", [10, 20, 40, 60]],
     ]
-    assert list(found[0]) == ["id", "pid", "class", "title", "box"]
+    assert list(result[0]) == ["id", "pid", "class", "title", "box"]
     guest.says("/execute", {"status": "success", "error": "not found\n", "returncode": 127})
     with pytest.raises(MissingCapabilityError, match="windows: not found; install wmctrl there"):
         desktop.windows()
@@ -270,13 +270,13 @@ def test_what_is_known_of_a_guest_is_asked_again_where_a_reset_gave_another(
         return desktop.url if task else None
 
     guest.says("/ah/health", {"ready": True})
-    with HttpDesktop(desktop.url, resetter=reset) as other:
-        assert other.is_ours
+    with HttpDesktop(desktop.url, resetter=reset) as http_desktop:
+        assert http_desktop.is_ours
         guest.answers.pop("/ah/health")
-        other.reset()
-        assert other.is_ours, "the same guest as before"
-        other.reset({"id": "a"})
-        assert not other.is_ours
+        http_desktop.reset()
+        assert http_desktop.is_ours, "the same guest as before"
+        http_desktop.reset({"id": "a"})
+        assert not http_desktop.is_ours
     assert tasks == [None, {"id": "a"}]
 
 

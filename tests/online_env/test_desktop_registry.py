@@ -61,11 +61,11 @@ def claim(name=None, keeper=ME, controller=None):
 
 def test_names_and_places_that_are_free_again_are_given_again(run):
     first, second, third = (claim() for _ in range(3))
-    assert [one["id"] for one in (first, second, third)] == ["d1", "d2", "d3"]
-    assert [one["slot"] for one in (first, second, third)] == [0, 1, 2]
+    assert [record["id"] for record in (first, second, third)] == ["d1", "d2", "d3"]
+    assert [record["slot"] for record in (first, second, third)] == [0, 1, 2]
     registry.clear(second)
     assert (claim("mine")["slot"], claim()["id"]) == (1, "d2")
-    assert [one["id"] for one in registry.records()] == ["d1", "d3", "mine", "d2"]
+    assert [record["id"] for record in registry.records()] == ["d1", "d3", "mine", "d2"]
 
 
 def test_a_name_is_taken_also_where_its_record_is_lost(run):
@@ -124,10 +124,10 @@ def test_a_record_that_is_damaged_is_a_desktop_that_is_broken(run, content):
     claim("whole")
     registry.folder("hurt").mkdir()
     (registry.folder("hurt") / registry.RECORD).write_text(content)
-    found = {one["id"]: registry.state(one) for one in registry.records()}
-    assert found == {"hurt": "orphan", "whole": "starting"}
+    entries = {record["id"]: registry.state(record) for record in registry.records()}
+    assert entries == {"hurt": "orphan", "whole": "starting"}
     assert registry.load("hurt") is None
-    assert [one["id"] for one in registry.orphans()] == ["hurt"]
+    assert [record["id"] for record in registry.orphans()] == ["hurt"]
     assert claim()["slot"] == 1
     registry.remove(registry.records()[0])
     assert not registry.folder("hurt").exists()
@@ -139,11 +139,11 @@ def test_a_desktop_is_an_orphan_once_its_keeper_or_its_controller_has_ended(slee
     claim("used", controller=tuple(who))
     claim("free")
     registry.save({**registry.load("free"), "state": "ready"})
-    assert [one["id"] for one in registry.running()] == ["kept", "used", "free"]
+    assert [orphan["id"] for orphan in registry.running()] == ["kept", "used", "free"]
     process.kill()
     until(lambda: not registry.alive(who), "a process that is dead, and not reaped")
-    assert [one["id"] for one in registry.running()] == ["free"]
-    assert [one["id"] for one in registry.orphans()] == ["kept", "used"]
+    assert [orphan["id"] for orphan in registry.running()] == ["free"]
+    assert [orphan["id"] for orphan in registry.orphans()] == ["kept", "used"]
     assert registry.state(registry.load("free")) == "ready"
     # Another process with the same number is another process.
     assert not registry.alive([os.getpid(), ME[1] + 1])
@@ -190,7 +190,7 @@ def test_what_is_left_of_a_network_is_removed(tmp_path):
     for name in ("ah-d1", "ah-d1.web", "ah-d2", "other"):
         (tmp_path / "netns" / name).touch()
     if os.geteuid() == 0:
-        assert [one["id"] for one in registry.orphans()] == ["d1", "d2"]
+        assert [orphan["id"] for orphan in registry.orphans()] == ["d1", "d2"]
     registry.withdraw({"id": "d2"})
     claim("d1")
     registry.withdraw(registry.load("d1"))
@@ -232,7 +232,7 @@ def test_what_dead_desktops_left_is_removed_at_the_next_start(run, tmp_path, sle
         assert groups == ["agenthijack-ending", "agenthijack-live"]
     with pytest.raises(SetupError, match="belongs to another container"):
         registry.remove(registry.load("elsewhere"))
-    assert [one["id"] for one in registry.orphans()] == ["unknown", "ending"]
+    assert [orphan["id"] for orphan in registry.orphans()] == ["unknown", "ending"]
 
 
 def test_what_was_left_under_a_name_that_is_taken_again_stays(sleeper):
@@ -266,17 +266,17 @@ READY = {"id": "d1", "init": list(ME)}
 @pytest.fixture
 def keeper(monkeypatch):
     """Makes handles on keepers that are small programs; they end after the test."""
-    made = []
+    items = []
 
     def start(code, **options):
         program = f"import json, os, sys, time\norder = json.loads(sys.argv[2])\n{code}"
         monkeypatch.setattr(handle, "_KEEPER", program)
-        made.append(Handle(replace(ORDER, **options)))
-        return made[-1]
+        items.append(Handle(replace(ORDER, **options)))
+        return items[-1]
 
     yield start
-    for one in made:
-        one.close()
+    for item in items:
+        item.close()
 
 
 def say(kind, value):
@@ -286,14 +286,14 @@ def say(kind, value):
 def test_a_desktop_is_ready_when_its_keeper_says_so_in_whatever_pieces(keeper):
     text = json.dumps({"ready": READY}) + "\n" + json.dumps({"ended": "the display ended"}) + "\n"
     code = "".join(f"os.write(1, {text[n : n + 9].encode()!r})\n" for n in range(0, len(text), 9))
-    one = keeper(code + "time.sleep(60)")
-    assert one.wait() == READY
-    assert one.wait() is one.record
-    assert until(one.ended) == "the display ended"
-    assert not one.gone(), "its keeper clears up"
-    one.close()
-    assert one.gone()
-    assert one.ended() == "the display ended"
+    result = keeper(code + "time.sleep(60)")
+    assert result.wait() == READY
+    assert result.wait() is result.record
+    assert until(result.ended) == "the display ended"
+    assert not result.gone(), "its keeper clears up"
+    result.close()
+    assert result.gone()
+    assert result.ended() == "the display ended"
 
 
 @pytest.mark.parametrize(
@@ -314,27 +314,27 @@ def test_a_desktop_is_ready_when_its_keeper_says_so_in_whatever_pieces(keeper):
     ],
 )
 def test_a_desktop_that_does_not_start_says_why_and_leaves_no_keeper(keeper, code, error, message):
-    one = keeper(code, time_out=-15.0 if "sleep" in code else 60.0)
+    result = keeper(code, time_out=-15.0 if "sleep" in code else 60.0)
     with pytest.raises(error) as caught:
-        one.wait()
+        result.wait()
     assert str(caught.value) == message
     assert isinstance(caught.value, HijackError)
-    assert one.gone()
+    assert result.gone()
 
 
 def test_a_keeper_that_dies_is_the_end_of_its_desktop(keeper):
-    one = keeper(say("ready", READY) + "time.sleep(60)")
-    one.wait()
-    assert one.ended() is None
-    os.kill(one._keeper.pid, signal.SIGKILL)
-    assert until(one.ended) == "its keeper ended (exit code -9) and said nothing"
+    result = keeper(say("ready", READY) + "time.sleep(60)")
+    result.wait()
+    assert result.ended() is None
+    os.kill(result._keeper.pid, signal.SIGKILL)
+    assert until(result.ended) == "its keeper ended (exit code -9) and said nothing"
 
 
 def test_a_keeper_lives_as_long_as_it_is_held(keeper):
     begun = time.monotonic()
-    held = keeper("time.sleep(60)")
-    held.close(wait=False)
-    until(held.gone)
+    value = keeper("time.sleep(60)")
+    value.close(wait=False)
+    until(value.gone)
     stubborn = keeper(
         "import signal\nsignal.signal(15, signal.SIG_IGN)\nsys.stdout.write('{}\\n')\nsys.stdout.flush()\ntime.sleep(60)"
     )
@@ -364,53 +364,53 @@ def supply(monkeypatch):
     monkeypatch.setattr(
         handle, "_KEEPER", f"import json, os, sys, time\norder = json.loads(sys.argv[2])\n{SERVING}"
     )
-    made = []
+    items = []
 
     def start(standby=False):
-        made.append(desktop_supply.DesktopSupply(ORDER, standby))
-        return made[-1]
+        items.append(desktop_supply.DesktopSupply(ORDER, standby))
+        return items[-1]
 
     yield start
-    for one in made:
-        one.close()
+    for item in items:
+        item.close()
 
 
 def test_each_desktop_of_a_supply_takes_the_place_of_the_one_before(supply):
-    one = supply()
-    assert one.ended() == "it was closed"
-    first, second = one.next(), one.next()
+    result = supply()
+    assert result.ended() == "it was closed"
+    first, second = result.next(), result.next()
     assert (first["id"], second["id"]) == ("d1", "d1-2")
     until(lambda: not registry.alive(first["init"]))
     assert registry.alive(second["init"])
-    assert one.ended() is None
-    assert not one.ready(), "nothing stands by"
-    one.close()
+    assert result.ended() is None
+    assert not result.ready(), "nothing stands by"
+    result.close()
     assert not registry.alive(second["init"])
 
 
 def test_a_spare_is_handed_out_unless_it_has_died_or_shows_too_much(supply, monkeypatch, tmp_path):
-    one = supply(standby=True)
-    one.next()
-    assert one.ready()
-    assert [one.next()["id"], one.ready()] == ["d1-2", True]
-    spare = one._spare.record
+    result = supply(standby=True)
+    result.next()
+    assert result.ready()
+    assert [result.next()["id"], result.ready()] == ["d1-2", True]
+    spare = result._spare.record
     os.kill(spare["init"][0], signal.SIGKILL)
     until(lambda: not registry.alive(spare["init"]))
-    assert (spare["id"], one.next()["id"]) == ("d1-3", "d1-4")
-    assert one.ready()
+    assert (spare["id"], result.next()["id"]) == ("d1-3", "d1-4")
+    assert result.ready()
     monkeypatch.setattr(hidden_folders, "_hidden_by_caller", {})
     hidden_folders.hide(tmp_path / "records of a run")
-    last = one.next()
+    last = result.next()
     assert last["id"] == "d1-6", "d1-5 was started before the folder was hidden"
-    one.close()
+    result.close()
     assert not registry.alive(last["init"])
 
 
 def test_a_supply_that_cannot_build_tries_again_at_the_next_call(supply, monkeypatch):
-    one = supply()
+    result = supply()
     whole = handle._KEEPER
     monkeypatch.setattr(handle, "_KEEPER", "import sys; sys.exit(1)")
     with pytest.raises(DesktopError, match="did not start"):
-        one.next()
+        result.next()
     monkeypatch.setattr(handle, "_KEEPER", whole)
-    assert one.next()["id"] == "d1-2"
+    assert result.next()["id"] == "d1-2"

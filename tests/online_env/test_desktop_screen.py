@@ -79,23 +79,23 @@ def frames(request):
         descriptor = os.memfd_create("screen")
         os.write(descriptor, data)
         guest = Guest(screens)
-        one = FrameReader({"id": "d1", "keeper": [os.getpid(), 0], "memory": descriptor})
-        opened.append((one, descriptor))
-        return one, guest
+        frame_reader = FrameReader({"id": "d1", "keeper": [os.getpid(), 0], "memory": descriptor})
+        opened.append((frame_reader, descriptor))
+        return frame_reader, guest
 
     yield make
-    for one, descriptor in opened:
-        one.close()
+    for value, descriptor in opened:
+        value.close()
         os.close(descriptor)
 
 
 @pytest.mark.parametrize("stride", [32, 48])
 def test_the_screen_is_read_from_where_the_server_draws_it(frames, stride):
-    one, guest = frames(memory(stride=stride), frozen(), frozen(6, 3), frozen())
+    value, guest = frames(memory(stride=stride), frozen(), frozen(6, 3), frozen())
     raw = np.arange(8 * 4 * 4, dtype=np.uint8).reshape(4, 8, 4)
-    assert np.array_equal(one.read(), raw[..., 2::-1])
-    assert np.array_equal(one.read(), raw[:3, :6, 2::-1]), "a screen that has become smaller"
-    assert one.read().flags.writeable
+    assert np.array_equal(value.read(), raw[..., 2::-1])
+    assert np.array_equal(value.read(), raw[:3, :6, 2::-1]), "a screen that has become smaller"
+    assert value.read().flags.writeable
     until(lambda: len(guest.copied) == 3, "the other side to hear of the third copy")
     assert (guest.callers, guest.copied) == (1, [True] * 3)
 
@@ -103,15 +103,15 @@ def test_the_screen_is_read_from_where_the_server_draws_it(frames, stride):
 def test_the_pointer_is_blended_over_it_as_far_as_it_is_inside(frames):
     argb = np.array([[0xFF010203, 0x80400000], [0x00000000, 0xFFFFFFFF]], np.uint32)
     pointer = PointerImage(-1, 3, argb)
-    one, _ = frames(memory(), frozen(pointer=pointer))
-    image = one.read()
+    value, _ = frames(memory(), frozen(pointer=pointer))
+    image = value.read()
     under = np.arange(8 * 4 * 4, dtype=np.uint8).reshape(4, 8, 4)[..., 2::-1]
-    wanted = under.copy()
-    wanted[3, 0] = [
+    expected = under.copy()
+    expected[3, 0] = [
         0x40 + round(int(v) * 0x7F / 255) if n == 0 else round(int(v) * 0x7F / 255)
         for n, v in enumerate(under[3, 0])
     ]
-    assert np.array_equal(image, wanted)
+    assert np.array_equal(image, expected)
 
 
 # A description says until when the screen is held, so it is made when the test runs.
@@ -129,16 +129,16 @@ def test_the_pointer_is_blended_over_it_as_far_as_it_is_inside(frames):
     ids=["wide", "flat", "bits", "masks", "short", "words", "long"],
 )
 def test_a_screen_that_is_none_is_refused(frames, data, screen, message):
-    one, _ = frames(data, screen())
+    value, _ = frames(data, screen())
     with pytest.raises(ValueError, match=message):
-        one.read()
+        value.read()
 
 
 def test_a_copy_that_took_too_long_is_not_used_and_the_next_one_is(frames):
-    one, guest = frames(memory(), frozen(left=-0.1), frozen())
+    value, guest = frames(memory(), frozen(left=-0.1), frozen())
     with pytest.raises(TimeoutError, match="it may be two halves"):
-        one.read()
-    assert one.read().shape == (4, 8, 3)
+        value.read()
+    assert value.read().shape == (4, 8, 3)
     assert guest.callers == 2, "nothing of the failed exchange is left in the line"
 
 
@@ -177,8 +177,8 @@ def test_a_port_passes_everything_on_and_the_ends_one_by_one(port):
         with desktop:
             link.sendall(b"question" * 10_000)
             link.shutdown(socket.SHUT_WR)
-            asked = b"".join(iter(lambda: desktop.recv(1 << 16), b""))
-            assert asked == b"question" * 10_000
+            requests = b"".join(iter(lambda: desktop.recv(1 << 16), b""))
+            assert requests == b"question" * 10_000
             desktop.sendall(b"answer")  # after the end of the question
         assert b"".join(iter(lambda: link.recv(1 << 16), b"")) == b"answer"
 
@@ -199,9 +199,9 @@ def test_another_user_is_refused_in_words_before_anything_reaches_the_desktop(po
 
 def test_a_port_that_is_taken_is_replaced_by_another():
     with forward.listen(forward.LOOPBACK) as first:
-        wanted = first.getsockname()[1]
-        with forward.listen(forward.LOOPBACK, wanted) as second:
-            assert second.getsockname()[1] not in (0, wanted)
+        expected = first.getsockname()[1]
+        with forward.listen(forward.LOOPBACK, expected) as second:
+            assert second.getsockname()[1] not in (0, expected)
     with pytest.raises(OSError, match=str(errno.EADDRNOTAVAIL)):
         forward.listen("192.0.2.7")
 

@@ -34,7 +34,7 @@ def desktops(tmp_path, monkeypatch):
 @pytest.fixture
 def shown(monkeypatch):
     """What the page was opened for, and whether it leaves the desktop running."""
-    found = []
+    items = []
 
     class Present:
         def __init__(self, record):
@@ -42,7 +42,7 @@ def shown(monkeypatch):
             self.id = record["id"]
 
     def serve(record, port, say, *, lasting, buttons):
-        found.append((record["id"], lasting))
+        items.append((record["id"], lasting))
 
     def up(name=None, **_):
         return contextlib.nullcontext(Present({"id": name}))
@@ -52,7 +52,7 @@ def shown(monkeypatch):
     monkeypatch.setattr(
         EmbeddedDesktop, "attach", lambda name: contextlib.nullcontext(Present(registry.load(name)))
     )
-    return found
+    return items
 
 
 def viewed(*words):

@@ -49,8 +49,8 @@ def test_an_episode_ends_with_the_score_as_its_reward():
 
 def test_the_step_limit_truncates_and_still_evaluates():
     env, _ = make(max_steps=2)
-    one, two = play(env, "WAIT", "WAIT")
-    assert (one[1:4], two[1:4]) == ((0.0, False, False), (1.0, False, True))
+    value, two = play(env, "WAIT", "WAIT")
+    assert (value[1:4], two[1:4]) == ((0.0, False, False), (1.0, False, True))
     assert env.record["status"] == "ok"
 
 
@@ -183,14 +183,14 @@ def test_the_order_of_events():
 
 
 def test_the_tree_is_read_only_for_corruptions_that_place_things():
-    for corruption, wanted in (
+    for corruption, expected in (
         (None, False),
         ("subtitle", False),
         (hj.PopUps(width=400, height=250), True),
     ):
         env, stage = make(FakeStage(FakeDesktop((720, 1280))), corruption=corruption)
         env.reset(seed=0)
-        assert ("tree" in stage.desktop.calls) == wanted
+        assert ("tree" in stage.desktop.calls) == expected
     env, stage = make(corruption=hj.AccidentalTouch(step=9))
     play(env, CLICK)
     assert "tree" not in stage.desktop.calls

@@ -69,8 +69,8 @@ def test_all_else_is_refused_with_the_reason(code: str, reason: str) -> None:
 
 @pytest.mark.parametrize("word", ["WAIT", "DONE", "FAIL", REINIT])
 def test_words_are_words_wherever_they_stand_alone(word: str) -> None:
-    wanted = {"WAIT": "wait", "DONE": "done", "FAIL": "fail", REINIT: "reinit"}[word]
-    assert read_action(f" {word}\n").kind == read_action(f"So:\n```\n{word}\n```").kind == wanted
+    expected = {"WAIT": "wait", "DONE": "done", "FAIL": "fail", REINIT: "reinit"}[word]
+    assert read_action(f" {word}\n").kind == read_action(f"So:\n```\n{word}\n```").kind == expected
     with pytest.raises(ActionError):
         read_action(f"{word} it")
 

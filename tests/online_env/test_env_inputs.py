@@ -53,9 +53,9 @@ def test_a_missed_input_moves_the_pointer_only_and_waits_for_an_action_that_pres
 
 def test_what_one_action_holds_for_the_next_is_not_hit():
     env, stage = make(corruption=hj.make_corruption("missed_input", step=0))
-    held = ["pyautogui.keyDown('ctrl')", "pyautogui.keyUp('ctrl')"]
-    play(env, *held, "pyautogui.keyDown('a'); pyautogui.keyUp('a')", "DONE")
-    assert sent(env, stage) == [*held, "pyautogui.sleep(0); pyautogui.sleep(0)"]
+    items = ["pyautogui.keyDown('ctrl')", "pyautogui.keyUp('ctrl')"]
+    play(env, *items, "pyautogui.keyDown('a'); pyautogui.keyUp('a')", "DONE")
+    assert sent(env, stage) == [*items, "pyautogui.sleep(0); pyautogui.sleep(0)"]
 
 
 def test_a_slip_is_measured_by_the_element_under_the_pointer():
@@ -150,8 +150,8 @@ def test_two_faults_wait_side_by_side():
 def test_a_plugin_of_30_lines_changes_actions_of_its_own_and_passes_every_check():
     path = Path(__file__).parents[2] / "examples/trembling_hand.py"
     assert len(path.read_text().splitlines()) <= 30
-    done = CliRunner().invoke(hijack, ["check", str(path)])
-    assert done.exit_code == 0, done.output
+    result = CliRunner().invoke(hijack, ["check", str(path)])
+    assert result.exit_code == 0, result.output
     env, stage = make(corruption=hj.make_corruption("trembling_hand", pixels=5))
     play(env, CLICK, TYPE, "DONE")
     slipped, typed = sent(env, stage)

@@ -51,13 +51,13 @@ def test_each_line_holds_an_observation_and_the_action_taken_on_it(tmp_path):
     assert [bool(row["error"]) for row in rows] == [False, True, False, False]
     assert rows[0]["result"] == {"status": "success", "output": "", "error": "", "returncode": 0}
     for row, obs in zip(rows, (first, second, None, last), strict=True):
-        clean, seen = (load_image(folder / row[key])[0] for key in ("image", "seen"))
+        clean, calls = (load_image(folder / row[key])[0] for key in ("image", "seen"))
         plan = hj.Plan.from_data(row["plan"])
         assert plan.digest() == row["plan_digest"]
-        assert np.array_equal(hj.apply(plan, clean), seen)
-        assert hashlib.sha256(seen.tobytes()).hexdigest() == row["seen_sha256"]
+        assert np.array_equal(hj.apply(plan, clean), calls)
+        assert hashlib.sha256(calls.tobytes()).hexdigest() == row["seen_sha256"]
         if obs is not None:
-            assert np.array_equal(obs["screenshot"], seen)
+            assert np.array_equal(obs["screenshot"], calls)
     assert json.loads((folder / "episode.json").read_text()) == env.record
     assert sorted(path.name for path in folder.iterdir()) == [
         "episode.json",
@@ -159,20 +159,20 @@ class Restless(FakeDesktop):
 def test_a_screen_counts_as_settled_when_nothing_changes():
     rule = Settle(quiet=0.05, cap=5, look=0.005)
     desktop = Restless(10)
-    found = wait_until_settled(desktop, rule, False)
-    assert found.in_time
-    assert found.tree is None
+    result = wait_until_settled(desktop, rule, False)
+    assert result.in_time
+    assert result.tree is None
     assert desktop.left <= 0
-    assert np.array_equal(found.frame, desktop.screenshot())
+    assert np.array_equal(result.frame, desktop.screenshot())
 
 
 def test_the_tree_is_not_older_than_the_picture():
     desktop = Restless(20)
-    found = wait_until_settled(desktop, Settle(quiet=0.02, cap=5, look=0.005), True)
+    result = wait_until_settled(desktop, Settle(quiet=0.02, cap=5, look=0.005), True)
     last = len(desktop.calls) - 1 - desktop.calls[::-1].index("tree")
-    assert found.in_time
+    assert result.in_time
     assert desktop.calls[last:].count("screenshot") >= 1
-    assert "<push-button" in found.tree
+    assert "<push-button" in result.tree
     changed = [i for i, call in enumerate(desktop.calls) if call == "screenshot"][19]
     assert last > changed, "a tree of a screen that changed since is read again"
 
@@ -180,9 +180,9 @@ def test_the_tree_is_not_older_than_the_picture():
 @pytest.mark.parametrize("with_tree", [False, True])
 def test_a_screen_that_never_rests_is_taken_as_it_is(with_tree):
     desktop = Restless(10**9)
-    found = wait_until_settled(desktop, Settle(quiet=0.3, cap=0.1, look=0.01), with_tree)
-    assert not found.in_time
-    assert (found.tree is not None) == with_tree
+    result = wait_until_settled(desktop, Settle(quiet=0.3, cap=0.1, look=0.01), with_tree)
+    assert not result.in_time
+    assert (result.tree is not None) == with_tree
     if with_tree:
         assert desktop.calls[-2:] == ["tree", "screenshot"]
 

@@ -208,10 +208,10 @@ def test_whatever_breaks_ends_one_episode_and_never_the_run(tmp_path, how, where
     stage.desktop.on[where] = fail(how)
     jobs = [Job("a", "write_note", "marking", 0), Job("a", "write_note", "marking", 1)]
     create_run(tmp_path / "run", {})
-    told = Counter()
+    counts = Counter()
 
     def episode(job, attempt):
-        told[job] += 1
+        counts[job] += 1
         return play_job(env, Clicker(), job, attempt, Marking(step))
 
     run_jobs(jobs, tmp_path / "run", 0, episode, Silent())
@@ -252,10 +252,10 @@ def test_a_desktop_that_ends_counts_against_an_agent_that_had_it_in_its_hands(ac
 
 def test_what_each_status_scores():
     base = {"agent": "a", "task": "t", "corruption": "c", "task_seed": 0}
-    found = [
+    items = [
         {"status": "ok", "score": 1.0},
         {"status": "error", "score": None},
         {"status": "invalid", "score": None},
     ]
-    (row,) = rows([{**base, "seed": seed, **one} for seed, one in enumerate(found)])
+    (row,) = rows([{**base, "seed": seed, **value} for seed, value in enumerate(items)])
     assert (row["n"], row["success"], row["errors"], row["invalid"]) == (2, 0.5, 1, 1)

@@ -39,16 +39,16 @@ def test_info_is_empty_unless_it_is_asked_for(tmp_path):
     assert "sesame" not in str(obs["instruction"])
 
     env, _ = make(corruption=secret, reveal=True)
-    told = env.reset(seed=3)[1]["agenthijack"]
-    assert (told["corruption"], told["seed"], told["step"], told["record"]) == (
-        "subtitle",
-        3,
-        0,
-        None,
-    )
-    assert "sesame" in json.dumps(told["plan"])
-    told = env.step("DONE")[-1]["agenthijack"]
-    assert told["record"] == env.record
+    agenthijack = env.reset(seed=3)[1]["agenthijack"]
+    assert (
+        agenthijack["corruption"],
+        agenthijack["seed"],
+        agenthijack["step"],
+        agenthijack["record"],
+    ) == ("subtitle", 3, 0, None)
+    assert "sesame" in json.dumps(agenthijack["plan"])
+    agenthijack = env.step("DONE")[-1]["agenthijack"]
+    assert agenthijack["record"] == env.record
 
 
 DRAWS = """
@@ -62,7 +62,7 @@ print([float(x) for x in env.unwrapped.np_random.random(4)])
 
 
 def test_equal_seeds_give_equal_draws_in_every_process():
-    wanted, _ = gymnasium.utils.seeding.np_random(0)
+    expected, _ = gymnasium.utils.seeding.np_random(0)
     command = [sys.executable, "-c", DRAWS]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
     printed = {
@@ -71,7 +71,7 @@ def test_equal_seeds_give_equal_draws_in_every_process():
         ).stdout.strip()
         for _ in range(2)
     }
-    assert printed == {str([float(x) for x in wanted.random(4)])}
+    assert printed == {str([float(x) for x in expected.random(4)])}
 
 
 NAMES = {
@@ -89,8 +89,10 @@ def test_gymnasium_finds_the_environment(how):
         " from gymnasium.envs.registration import _find_spec;"  # what `gymnasium.make` calls
         " print(_find_spec(NAME).entry_point, _find_spec(NAME).nondeterministic)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["online_env.environment.registration:make_embedded", "True"]
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert process.stdout.split() == ["online_env.environment.registration:make_embedded", "True"]
 
 
 def test_the_path_of_the_log_is_not_for_others(tmp_path: Path):

@@ -56,31 +56,31 @@ def number_of(found: Settled) -> int:
 
 def test_a_still_screen_is_watched_for_the_quiet_time(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = Screen(lambda seconds: 1, monkeypatch)
-    found = screen.settled()
-    assert (number_of(found), found.tree, found.in_time) == (1, None, True)
+    result = screen.settled()
+    assert (number_of(result), result.tree, result.in_time) == (1, None, True)
     assert RULE.quiet <= screen.passed < RULE.quiet + 2 * (RULE.look + SHOT)
     assert set(screen.calls) == {"shot"}
 
 
 def test_a_screen_that_never_rests_is_taken_at_the_cap(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = Screen(lambda seconds: int(seconds / 0.1), monkeypatch)
-    found = screen.settled()
-    assert not found.in_time
+    result = screen.settled()
+    assert not result.in_time
     assert RULE.cap <= screen.passed < RULE.cap + RULE.look + 2 * SHOT
-    assert number_of(found) == int((screen.passed - SHOT) / 0.1)
+    assert number_of(result) == int((screen.passed - SHOT) / 0.1)
 
 
 def test_another_size_is_another_screen(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = Screen(lambda seconds: 100 if seconds < 0.2 else 200, monkeypatch)
-    found = screen.settled()
-    assert found.frame.shape == (2, 4, 3)
+    result = screen.settled()
+    assert result.frame.shape == (2, 4, 3)
     assert screen.passed >= 0.2 + RULE.quiet
 
 
 def test_the_tree_is_read_while_the_screen_is_watched(monkeypatch: pytest.MonkeyPatch) -> None:
     screen = Screen(lambda seconds: 1, monkeypatch)
-    found = screen.settled(with_tree=True)
-    assert (found.tree, found.tree_seconds) == ("<tree of='1'/>", TREE)
+    result = screen.settled(with_tree=True)
+    assert (result.tree, result.tree_seconds) == ("<tree of='1'/>", TREE)
     assert screen.calls.count("tree") == 1
     assert screen.passed < RULE.quiet + TREE + 2 * (RULE.look + SHOT)
 

@@ -102,21 +102,25 @@ def play(guarded, *shades):
 def test_a_locked_screen_is_reported_once_and_unlocked_before_the_agent_is_asked():
     agent = Says(CLICK)
     guarded = Guarded(agent, RulesOnlooker())
-    found = [guarded.predict("do it", {"screenshot": locked()})[1] for _ in range(3)]
-    assert found == [
+    values = [guarded.predict("do it", {"screenshot": locked()})[1] for _ in range(3)]
+    assert values == [
         ["REQUEST_REINIT"],
         ["pyautogui.write('password')"],
         ["pyautogui.press('enter', presses=1)"],
     ]
     assert agent.instructions == []
-    assert [each["step"] for each in guarded.guard_record["interventions"]] == [0, 1, 2]
+    assert [intervention["step"] for intervention in guarded.guard_record["interventions"]] == [
+        0,
+        1,
+        2,
+    ]
 
 
 def test_a_click_that_changes_nothing_is_waited_for_then_repeated():
     agent = Says(CLICK, "WAIT", CLICK, "pyautogui.hotkey('ctrl', 'c')", "DONE")
     guarded = Guarded(agent, rules())
     assert play(guarded, *[0] * 6) == [[CLICK], ["WAIT"], ["WAIT"], ["WAIT"], [CLICK], ["WAIT"]]
-    kinds = {each["kind"] for each in guarded.guard_record["interventions"]}
+    kinds = {intervention["kind"] for intervention in guarded.guard_record["interventions"]}
     assert kinds == {UNCHANGED}
     # the agent's own waiting is no click, nor is a hotkey, and what came is no reason to wait
     assert play(guarded, 0, 1, 1) == [[CLICK], ["pyautogui.hotkey('ctrl', 'c')"], ["DONE"]]
@@ -167,9 +171,9 @@ def test_a_rule_acts_twice_then_it_only_reminds():
     texts = [[], [line("This window might be busy and is not responding."), line("No", y=50)]]
     agent = Says(*[CLICK] * 9)
     guarded = Guarded(agent, rules(texts))
-    found = play(guarded, 0, *[1] * 6)
-    assert found.count(["pyautogui.click(10, 60)"]) == 2
-    assert found[-1] == [CLICK]
+    result = play(guarded, 0, *[1] * 6)
+    assert result.count(["pyautogui.click(10, 60)"]) == 2
+    assert result[-1] == [CLICK]
     assert f"Reminder: {NO_RESPONSE}." in agent.instructions[-1]
 
 
@@ -189,11 +193,11 @@ def test_a_model_looks_on_and_its_words_reach_any_agent(tmp_path):
         name = find_guard(str(file(tmp_path, endpoint.url)))
         agent = Says(CLICK, "DONE")
         guarded = Guarded(agent, make_onlooker(name, "random"))
-        found = [
+        values = [
             guarded.predict("do it", {"screenshot": np.full((60, 80, 3), n, np.uint8)})[1]
             for n in range(3)
         ]
-    assert found == [["REQUEST_REINIT"], [CLICK], ["DONE"]]
+    assert values == [["REQUEST_REINIT"], [CLICK], ["DONE"]]
     assert agent.instructions[0] == "do it\n\nReminder: Please log in."
     assert agent.instructions[1] == (
         "do it\n\nYour last step: It clicked.\n\nNot your doing: A menu opened."
@@ -205,8 +209,8 @@ def test_a_model_looks_on_and_its_words_reach_any_agent(tmp_path):
 
 def test_a_cost_that_one_of_the_two_does_not_know_is_not_known():
     counts = {"requests": 1, "retries": 0, "input_tokens": 5, "output_tokens": 2, "seconds": 1.0}
-    known = joint_usage({**counts, "usd": 0.5}, {**counts, "usd": 0.25})
-    assert (known["requests"], known["input_tokens"], known["usd"]) == (2, 10, 0.75)
+    result = joint_usage({**counts, "usd": 0.5}, {**counts, "usd": 0.25})
+    assert (result["requests"], result["input_tokens"], result["usd"]) == (2, 10, 0.75)
     assert joint_usage({**counts, "usd": None}, {**counts, "usd": 0.25})["usd"] is None
     assert joint_usage(None, {"reading": {}}) == {"guard": {"reading": {}}}
     assert joint_usage(None, None) is None
@@ -245,11 +249,11 @@ def paper(monkeypatch):
 def run(folder, *words, code=0):
     (folder / "bench.yaml").write_text(CONFIG)
     argv = [str(folder / "bench.yaml"), "--out", str(folder / "run"), "--desktops", "1", *words]
-    found = CliRunner().invoke(bench, argv)
-    if isinstance(found.exception, HijackError):
-        raise found.exception
-    assert found.exit_code == code, found.output
-    return found.output, records.read(folder / "run")
+    result = CliRunner().invoke(bench, argv)
+    if isinstance(result.exception, HijackError):
+        raise result.exception
+    assert result.exit_code == code, result.output
+    return result.output, records.read(folder / "run")
 
 
 @pytest.mark.usefixtures("paper", "no_waiting")
@@ -259,8 +263,8 @@ def test_a_run_with_a_guard_keeps_the_agent_in_its_process_and_says_what_the_gua
     (tmp_path / "mine.py").write_text(OWN)
     with serving(answer) as endpoint:
         guard = str(file(tmp_path, endpoint.url))
-        _, made = run(tmp_path, "--agent", f"{tmp_path}/mine.py:Mine", "--guard", guard)
-    (record,) = made.records
+        _, value = run(tmp_path, "--agent", f"{tmp_path}/mine.py:Mine", "--guard", guard)
+    (record,) = value.records
     assert record["guard"]["name"] == "model"
     assert record["guard"]["settings"]["path"] == guard
     assert record["guard"]["interventions"] == [
@@ -270,7 +274,7 @@ def test_a_run_with_a_guard_keeps_the_agent_in_its_process_and_says_what_the_gua
     assert record["usage"]["requests"] > 1
     assert len(record["said"]) <= 2000, "the guard is fed what the process's door lets through"
     assert (tmp_path / "run" / "requests").is_dir()
-    (note,) = [note for note in build_report(made).notes if note.startswith("Guard ")]
+    (note,) = [note for note in build_report(value).notes if note.startswith("Guard ")]
     assert guard in note
     assert "2 of these were in clean episodes" in note
     with pytest.raises(SystemExit) as verified:
@@ -314,9 +318,9 @@ def test_scored_rows_are_asked_through_the_guard(tmp_path, monkeypatch):
     agents = write_agents(tmp_path)
     data = dataset(tmp_path / "data", [{}, {}])
     words = [str(data), "--agent", f"{agents}:Batched", "--guard", "rules"]
-    found = CliRunner().invoke(score, [*words, "--out", str(tmp_path / "run")])
-    assert found.exit_code == 0, found.output
-    made = records.read(tmp_path / "run")
-    assert made.config["guard"] == "rules"
-    assert {record["last_action"] for record in made.records} == {"WAIT"}
-    assert all(record["guard"]["interventions"] for record in made.records)
+    result = CliRunner().invoke(score, [*words, "--out", str(tmp_path / "run")])
+    assert result.exit_code == 0, result.output
+    value = records.read(tmp_path / "run")
+    assert value.config["guard"] == "rules"
+    assert {record["last_action"] for record in value.records} == {"WAIT"}
+    assert all(record["guard"]["interventions"] for record in value.records)

@@ -47,25 +47,25 @@ class Windows:
 @pytest.fixture
 def tree_of():
     """Makes the tree of a session; its connections are closed after the test."""
-    made: list[AccessibilityTree] = []
+    items: list[AccessibilityTree] = []
 
     def make(found: Session) -> AccessibilityTree:
-        made.append(AccessibilityTree(found.bus, Windows()))
-        return made[-1]
+        items.append(AccessibilityTree(found.bus, Windows()))
+        return items[-1]
 
     yield make
-    for one in made:
-        if one._reader is not None:
-            one._reader.close()
+    for item in items:
+        if item._reader is not None:
+            item._reader.close()
 
 
 def read(tree: AccessibilityTree):
     """The applications by name, parsed."""
-    return {one.get("name"): one for one in ElementTree.fromstring(tree.read())}
+    return {item.get("name"): item for item in ElementTree.fromstring(tree.read())}
 
 
 def names(root) -> list[str]:
-    return [one.get("name") for one in root.iter()]
+    return [item.get("name") for item in root.iter()]
 
 
 def editor(**more) -> App:
@@ -99,9 +99,9 @@ CACHED = (ROOT, "/s", "/t", "/w")  # in whatever order
 @pytest.mark.parametrize("cached", [None, CACHED])
 @pytest.mark.parametrize("slices", [1 << 20, 7])
 def test_a_tree_is_the_same_with_and_without_a_cache_and_in_any_pieces(tree_of, cached, slices):
-    with session(editor=editor(cached=cached)) as found:
-        found.slices = slices
-        root = read(tree_of(found))["editor"]
+    with session(editor=editor(cached=cached)) as result:
+        result.slices = slices
+        root = read(tree_of(result))["editor"]
     assert names(root) == ["editor", "window", "title", "slider"]
     title, slider = root[0]
     assert title.text == "Ünï 😀", "the place of an object inside a text is no letter"
@@ -111,14 +111,14 @@ def test_a_tree_is_the_same_with_and_without_a_cache_and_in_any_pieces(tree_of, 
         f"{VALUE}value": "0.5",
         f"{VALUE}max": "10.0",
     }
-    assert {one.get(SHOWING) for one in root.iter()} == {"true"}
+    assert {item.get(SHOWING) for item in root.iter()} == {"true"}
 
 
 def test_an_application_that_is_silent_costs_its_own_part_only(tree_of, monkeypatch):
     monkeypatch.setattr(reader, "APP_TIMEOUT_S", 0.15)
     hung = App({}, silent=("GetItems", "GetApplicationBusAddress", "Get", "GetRole"))
-    with session(hung=hung, editor=editor(cached=CACHED)) as found:
-        tree = tree_of(found)
+    with session(hung=hung, editor=editor(cached=CACHED)) as result:
+        tree = tree_of(result)
         text = tree.read()
         assert "did not answer within 0.15 s; this part of the tree may be incomplete" in text
         assert names(ElementTree.fromstring(text))[1:] == [
@@ -128,8 +128,8 @@ def test_an_application_that_is_silent_costs_its_own_part_only(tree_of, monkeypa
             "title",
             "slider",
         ]
-        asked = [member for destination, member, _ in found.asked if destination == ":hung"]
-        assert asked == ["GetItems"], "it is left alone for the rest of the read"
+        requests = [member for destination, member, _ in result.asked if destination == ":hung"]
+        assert requests == ["GetItems"], "it is left alone for the rest of the read"
         hung.things, hung.silent = editor().things, ()
         assert len(read(tree)["editor"]) == 1, "and asked again at the next one"
         assert "did not answer" not in tree.read()
@@ -138,16 +138,16 @@ def test_an_application_that_is_silent_costs_its_own_part_only(tree_of, monkeypa
 def test_an_application_that_dies_or_answers_nonsense_is_left_out(tree_of):
     gone = App({})
     odd = editor(odd=("GetExtents", "GetText", "GetAttributes", "GetState", "GetRoleName"))
-    with session(gone=gone, odd=odd, editor=editor()) as found:
-        roots = ElementTree.fromstring(tree_of(found).read())
+    with session(gone=gone, odd=odd, editor=editor()) as result:
+        roots = ElementTree.fromstring(tree_of(result).read())
     whole = ["editor", "window", "title", "slider"]
     assert [names(root) for root in roots] == [[""], ["editor", "window"], whole]
 
 
 def test_without_applications_the_tree_is_empty(tree_of):
-    with session() as found:
-        assert read(tree_of(found)) == {}
-        assert tree_of(found).terminal_text() is None
+    with session() as result:
+        assert read(tree_of(result)) == {}
+        assert tree_of(result).terminal_text() is None
 
 
 def test_the_text_of_the_terminal_is_that_of_a_terminal_only(tree_of):
@@ -163,9 +163,9 @@ def test_the_text_of_the_terminal_is_that_of_a_terminal_only(tree_of):
         "two": app("Terminal", "$ two\n \n", SHOWN | states.FOCUSED),
         "other": app("editor", "$ three", SHOWN | states.FOCUSED),
     }
-    with session(**apps) as found:
-        assert tree_of(found).terminal_text() == "$ two"
-        assert (":other", "GetItems", "bus") not in found.asked, "others are not read for it"
+    with session(**apps) as result:
+        assert tree_of(result).terminal_text() == "$ two"
+        assert (":other", "GetItems", "bus") not in result.asked, "others are not read for it"
 
 
 def test_children_that_a_cache_leaves_out_are_asked_for(tree_of):
@@ -176,33 +176,33 @@ def test_children_that_a_cache_leaves_out_are_asked_for(tree_of):
     hidden = editor(cached=(ROOT, "/w", "/t"))
     hidden.things["/w"].count = 2
     hidden.things["/w"].states = 0
-    with session(short=short, listing=listing, hidden=hidden) as found:
-        roots = list(ElementTree.fromstring(tree_of(found).read()))
-    seen = ["editor", "window", "title", "slider"]
-    assert [names(root) for root in roots] == [seen, seen, seen[:3]]
+    with session(short=short, listing=listing, hidden=hidden) as result:
+        roots = list(ElementTree.fromstring(tree_of(result).read()))
+    calls = ["editor", "window", "title", "slider"]
+    assert [names(root) for root in roots] == [calls, calls, calls[:3]]
 
 
 def test_an_application_that_goes_round_in_circles_ends(tree_of):
     things = editor().things
     things["/s"].children = ("/w", "/s", ROOT)
-    with session(round=App(things)) as found:
-        root = read(tree_of(found))["editor"]
+    with session(round=App(things)) as result:
+        root = read(tree_of(result))["editor"]
     assert names(root) == ["editor", "window", "title", "slider"]
 
 
 def test_a_node_with_too_many_children_says_how_many_there_are(tree_of):
     things = editor().things
     things["/w"].children = tuple(f"/many/{number}" for number in range(reader.MAX_CHILDREN + 1))
-    with session(many=App(things)) as found:
-        text = tree_of(found).read()
+    with session(many=App(things)) as result:
+        text = tree_of(result).read()
     assert "<!-- 1025 children; those that are not in sight are left out -->" in text
     assert names(ElementTree.fromstring(text)) == ["main", "editor", "window"]
 
 
 def test_a_tree_that_is_too_large_is_cut(tree_of, monkeypatch):
     monkeypatch.setattr(reader, "MAX_NODES", 3)
-    with session(editor=editor()) as found:
-        text = tree_of(found).read()
+    with session(editor=editor()) as result:
+        text = tree_of(result).read()
     assert "<!-- the tree is cut at 3 nodes -->" in text
     assert names(ElementTree.fromstring(text))[1:] == ["editor", "window", "title"]
 
@@ -219,8 +219,8 @@ def test_a_dialog_of_another_process_is_shown_where_it_is_plugged_in(tree_of):
             "/plug": Thing("plug", children=("/between",), parent=(":locker", "/s")),
         }
     )
-    with session(locker=socket_side, dialog=plug) as found:
-        roots = ElementTree.fromstring(tree_of(found).read())
+    with session(locker=socket_side, dialog=plug) as result:
+        roots = ElementTree.fromstring(tree_of(result).read())
     assert names(roots[0]) == ["editor", "window", "title", "slider", "plug", "between", "Password"]
     assert names(roots[1]) == ["dialog"]
 
@@ -230,18 +230,18 @@ def test_a_dialog_of_another_process_is_shown_where_it_is_plugged_in(tree_of):
 
 def test_an_application_that_lets_us_in_is_asked_directly_until_it_hangs_up(tree_of):
     app = editor(cached=CACHED)
-    with session(editor=app) as found:
-        app.address = found.listen("own")
-        tree = tree_of(found)
+    with session(editor=app) as result:
+        app.address = result.listen("own")
+        tree = tree_of(result)
         over_the_bus = tree.read()
-        found.asked.clear()
+        result.asked.clear()
         assert tree.read() == over_the_bus
-        ways = {way for destination, _, way in found.asked if destination == ":editor"}
+        ways = {way for destination, _, way in result.asked if destination == ":editor"}
         assert ways == {"own"}
-        found.hangs_up = "own"
-        found.asked.clear()
+        result.hangs_up = "own"
+        result.asked.clear()
         assert tree.read() == over_the_bus, "what was under way is asked again over the bus"
-        assert (":editor", "GetItems", "bus") in found.asked
+        assert (":editor", "GetItems", "bus") in result.asked
 
 
 # jeepney leaves a socket that it could not connect to the collector.
@@ -251,19 +251,19 @@ LEFT = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarni
 @LEFT
 @pytest.mark.parametrize("address", ["unix:path=/nowhere/at/all", "nonsense", "tcp:host=x"])
 def test_an_address_that_leads_nowhere_is_no_harm(tree_of, address):
-    with session(editor=editor(address=address)) as found:
-        tree = tree_of(found)
+    with session(editor=editor(address=address)) as result:
+        tree = tree_of(result)
         assert names(read(tree)["editor"]) == ["editor", "window", "title", "slider"]
         assert len(read(tree)) == 1
 
 
 @LEFT
 def test_a_bus_that_is_gone_is_told_and_a_new_one_is_found(tree_of):
-    with session(editor=editor()) as found:
-        tree = tree_of(found)
+    with session(editor=editor()) as result:
+        tree = tree_of(result)
         tree.read()
-        for one in found._sockets[1:]:
-            one.shutdown(socket.SHUT_RDWR)
+        for item in result._sockets[1:]:
+            item.shutdown(socket.SHUT_RDWR)
         assert len(read(tree)) == 1, "the bus was only started again"
     until(lambda: _is_gone(tree), "the end of the session")
     with pytest.raises(DesktopError, match=r"the accessibility bus can't be reached through the "):

@@ -97,10 +97,10 @@ def test_a_guest_that_is_started_again_is_waited_for():
         begun.wait()
         time.sleep(0.2)
         with socket.create_server(("127.0.0.1", port)) as again:
-            found, _ = again.accept()
-            with found:
-                found.recv(65536)
-                found.sendall(OK)
+            value, _ = again.accept()
+            with value:
+                value.recv(65536)
+                value.sendall(OK)
 
     server = threading.Thread(target=serve)
     server.start()

@@ -45,9 +45,9 @@ def test_an_upload_keeps_the_mode_of_a_file_and_goes_where_a_link_leads(guest, h
     assert secret.read_bytes() == b"new"
     assert stat.S_IMODE(secret.stat().st_mode) == 0o600
     assert upload(guest, "$HOME/keys/deep/er/empty", b"").text == "File Uploaded: 0 bytes"
-    made = home / "keys/deep/er/empty"
-    assert stat.S_IMODE(made.stat().st_mode) == 0o644
-    assert [path.name for path in made.parent.iterdir()] == ["empty"]
+    value = home / "keys/deep/er/empty"
+    assert stat.S_IMODE(value.stat().st_mode) == 0o644
+    assert [path.name for path in value.parent.iterdir()] == ["empty"]
 
 
 def test_an_upload_cannot_take_the_place_of_a_folder_or_lie_below_a_file(guest, home):
@@ -83,8 +83,8 @@ def test_a_folder_with_names_that_are_no_text_is_listed(guest, home):
     folder.mkdir()
     (folder / os.fsdecode(b"caf\xe9.txt")).touch()
     (folder / "plain.txt").touch()
-    found = {child["name"] for child in listed(guest, folder)["children"]}
-    assert found == {os.fsdecode(b"caf\xe9.txt"), "plain.txt"}
+    names = {child["name"] for child in listed(guest, folder)["children"]}
+    assert names == {os.fsdecode(b"caf\xe9.txt"), "plain.txt"}
 
 
 def test_a_request_that_names_such_a_file_gets_its_answer(guest):
@@ -95,8 +95,8 @@ def test_a_request_that_names_such_a_file_gets_its_answer(guest):
     opened = post("/setup/open_file", path="/\udce9")
     assert said(opened) == (404, "Application/file not found: /\udce9")
     script = post("/run_bash_script", script="ls", working_dir="/\udce9")
-    wanted = "Working directory does not exist: /\udce9"
-    assert (script.status_code, script.json()["output"]) == (400, wanted)
+    expected = "Working directory does not exist: /\udce9"
+    assert (script.status_code, script.json()["output"]) == (400, expected)
     launched = post("/setup/launch", command=["true", "\udce9"])
     assert launched.text == "true \ufffd launched successfully"
 
@@ -112,8 +112,8 @@ def test_a_listing_ends_at_links_at_depths_and_at_a_number_of_entries(guest, hom
     dangling = {"type": "file", "name": "dangling"}
 
     def one():
-        (found,) = listed(guest, top)["children"]
-        return {**found, "children": sorted(found["children"], key=lambda child: child["name"])}
+        (value,) = listed(guest, top)["children"]
+        return {**value, "children": sorted(value["children"], key=lambda child: child["name"])}
 
     whole = [dangling, {**two, "children": [three]}, up]
     assert one() == {"type": "directory", "name": "one", "children": whole}
@@ -128,8 +128,8 @@ def test_a_listing_ends_at_links_at_depths_and_at_a_number_of_entries(guest, hom
 def test_a_download_that_cannot_be_had_is_told_after_three_tries(guest, home):
     with served(_Refusing()) as url:
         answer = guest.post("/setup/download_file", json={"url": f"{url}/x", "path": "~/got"})
-    wanted = f"Failed to download {url}/x. No retries left. Error: HTTP Error 418: I'm a Teapot"
-    assert said(answer) == (500, wanted)
+    expected = f"Failed to download {url}/x. No retries left. Error: HTTP Error 418: I'm a Teapot"
+    assert said(answer) == (500, expected)
     assert _Refusing.asked == 3
     assert not (home / "got").exists()
     answer = guest.post("/setup/download_file", json={"url": "file:///etc/hosts", "path": "~/got"})

@@ -34,20 +34,20 @@ WAITS = "trap 'echo -n end >> $file; exit' INT; echo $@ > $file; while :; do sle
 
 def test_a_recording_is_ended_politely_and_removed_when_it_was_sent(ffmpeg):
     async def scenario():
-        one = ffmpeg(WAITS)
-        await one.start((641, 481))
+        result = ffmpeg(WAITS)
+        await result.start((641, 481))
         with pytest.raises(GuestError, match=r"^Recording is already in progress\.$") as error:
-            await one.start((640, 480))
+            await result.start((640, 480))
         assert error.value.status == 400
-        video = await one.stop()
-        told = video.read_text()
-        assert told.endswith("end")
+        video = await result.stop()
+        text = video.read_text()
+        assert text.endswith("end")
         for part in ("-video_size 641x481", "-i :7", "-framerate 15"):
-            assert part in told
-        one.discard()
+            assert part in text
+        result.discard()
         assert list(ffmpeg.folder.iterdir()) == []
         with pytest.raises(GuestError, match=r"No recording in progress to stop\. .*: \(none\)$"):
-            await one.stop()
+            await result.stop()
 
     asyncio.run(scenario())
 
@@ -68,10 +68,10 @@ def test_a_recording_is_ended_politely_and_removed_when_it_was_sent(ffmpeg):
 )
 def test_a_recording_that_fails_is_told_with_the_log(ffmpeg, monkeypatch, script, message):
     async def scenario():
-        one = ffmpeg(script)
-        await one.start((640, 480))
+        result = ffmpeg(script)
+        await result.start((640, 480))
         monkeypatch.setattr(recorder, "FFMPEG_TIMEOUT_S", 0.3)
-        await one.stop()
+        await result.stop()
 
     with pytest.raises(GuestError) as error:
         asyncio.run(scenario())

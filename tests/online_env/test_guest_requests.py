@@ -123,8 +123,8 @@ def test_a_body_over_the_limit_is_refused_and_the_connection_closed(guest, monke
 )
 def test_what_a_body_may_be(guest, kind, body, status, message):
     headers = {} if kind is None else {"Content-Type": kind}
-    found = said(guest.post("/execute", content=body, headers=headers))
-    assert (found[0], message in found[1]) == (status, True), found
+    result = said(guest.post("/execute", content=body, headers=headers))
+    assert (result[0], message in result[1]) == (status, True), result
 
 
 @pytest.mark.parametrize(
@@ -147,8 +147,8 @@ def test_what_a_body_may_be(guest, kind, body, status, message):
 )
 def test_a_field_with_a_wrong_value_is_named(guest, path, body, message):
     fields = {"command": ["true"], **body} if path == "/execute" else body
-    status, found = said(guest.post(path, json=fields))
-    assert (status, message in found) == (400, True), found
+    status, value = said(guest.post(path, json=fields))
+    assert (status, message in value) == (400, True), value
 
 
 # Commands
@@ -170,9 +170,9 @@ def test_a_tilde_at_the_start_of_an_argument_is_the_home_folder(guest, home):
 
 def test_commands_find_our_wrappers_and_nothing_of_the_server(guest):
     lines = output(guest, command=["env", "-0"]).split("\0")
-    found = dict(line.split("=", 1) for line in lines if line)
-    assert found["PATH"].split(":")[0] == commands.TOOLS
-    assert not {"PYTHONPATH", "VIRTUAL_ENV"} & set(found)
+    entries = dict(line.split("=", 1) for line in lines if line)
+    assert entries["PATH"].split(":")[0] == commands.TOOLS
+    assert not {"PYTHONPATH", "VIRTUAL_ENV"} & set(entries)
 
 
 def test_a_command_that_is_given_up_ends_with_all_that_it_started(home):
@@ -184,7 +184,7 @@ def test_a_command_that_is_given_up_ends_with_all_that_it_started(home):
         while len(family) < 3:
             await asyncio.sleep(0.01)
             shells = [pid for pid in children(os.getpid()) if b"4325" in cmdline(pid)]
-            family[:] = [one for pid in shells for one in (pid, *children(pid))]
+            family[:] = [item for pid in shells for item in (pid, *children(pid))]
         job.cancel()
         with pytest.raises(asyncio.CancelledError):
             await job

@@ -38,10 +38,10 @@ def wire() -> Answers:
 
 @pytest.fixture
 def reader(wire: Answers) -> AtspiReader:
-    made = AtspiReader.__new__(AtspiReader)  # without a bus
-    made.wire = wire
-    made._role_names = {}
-    return made
+    result = AtspiReader.__new__(AtspiReader)  # without a bus
+    result.wire = wire
+    result._role_names = {}
+    return result
 
 
 def test_another_object_names_the_role_of_one_that_was_destroyed(wire, reader) -> None:

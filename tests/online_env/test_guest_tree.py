@@ -32,13 +32,13 @@ BELOW_PANEL = (0, 24, 400, 300)
 
 def node(name="", box=None, *children, role=BUTTON, **more):
     """A node that claims to be on the screen; `box` is xyxy."""
-    made = AtspiNode(("app", name), name, role, **{"states": SHOWN, "role_name": "x", **more})
+    atspi_node = AtspiNode(("app", name), name, role, **{"states": SHOWN, "role_name": "x", **more})
     if box is not None:
         x1, y1, x2, y2 = box
-        made.box = (x1, y1, x2 - x1, y2 - y1)
+        atspi_node.box = (x1, y1, x2 - x1, y2 - y1)
     for child in children:
-        made.adopt(child)
-    return made
+        atspi_node.adopt(child)
+    return atspi_node
 
 
 def parsed(*roots):
@@ -62,11 +62,11 @@ def test_whatever_applications_say_the_tree_can_be_parsed():
         values={"CurrentValue": float("nan"), "MinimumValue": 1e300, "Other": 3},
         interfaces=frozenset({"Image", "Selection"}),
     )
-    (found,) = parsed(root)
+    (value,) = parsed(root)
     clean = "<&>\"'\u2028"
-    assert found.tag == "push-button"
-    assert found.text == f"]]>{clean}--"
-    assert found.attrib == {
+    assert value.tag == "push-button"
+    assert value.text == f"]]>{clean}--"
+    assert value.attrib == {
         "name": clean,
         SPACE % ("state", "showing"): "true",
         SPACE % ("state", "visible"): "true",
@@ -101,9 +101,9 @@ def test_whatever_applications_say_the_tree_can_be_parsed():
     ],
 )
 def test_a_role_is_a_tag_that_xml_allows(role, tag):
-    (found,) = parsed(node(role_name=role, attributes={role.strip() or "_": "kept"}))
-    assert found.tag == tag
-    assert [*found.attrib.values()].count("kept") == 1
+    (value,) = parsed(node(role_name=role, attributes={role.strip() or "_": "kept"}))
+    assert value.tag == tag
+    assert [*value.attrib.values()].count("kept") == 1
     assert (
         boxes_from_tree(
             accessibility_tree.to_xml([Application(node(role_name=role), 0)]), (300, 400)
@@ -115,16 +115,16 @@ def test_a_role_is_a_tag_that_xml_allows(role, tag):
 def test_a_place_is_written_for_what_shows_only():
     hidden = node("hidden", (1, 2, 3, 4), states=states.VISIBLE)
     iconic = node("iconic", (1, 2, 3, 4), states=states.SHOWING)
-    for found in parsed(hidden, iconic, node("no box")):
-        assert not [key for key in found.attrib if "component" in key], found.get("name")
+    for item in parsed(hidden, iconic, node("no box")):
+        assert not [key for key in item.attrib if "component" in key], item.get("name")
 
 
 def test_a_node_that_is_its_own_grandchild_is_written_once():
     child = node("child")
     root = node("root", None, child)
     child.children.append(root)  # as an application may claim
-    (found,) = parsed(root)
-    assert [one.get("name") for one in found.iter()] == ["root", "child", "root"]
+    (value,) = parsed(root)
+    assert [item.get("name") for item in value.iter()] == ["root", "child", "root"]
     deep = bottom = node("0")
     for number in range(1, 90):
         bottom.adopt(node(str(number)))
@@ -164,7 +164,7 @@ def test_the_terminal_that_is_meant_is_the_focused_one_in_front():
         (terminal(0), behind, 0),
         (node("no terminal", states=states.FOCUSED), active, 0),
     ]
-    assert [accessibility_tree._rank(one, frame) for one, frame, _ in table] == [
+    assert [accessibility_tree._rank(value, frame) for value, frame, _ in table] == [
         rank for *_, rank in table
     ]
 
@@ -194,12 +194,12 @@ class Screen:
         application = Application(root, pid)
         nodes = candidates(application)
         VisibilityFilter(self.surfaces, SCREEN).apply(application)
-        found = {}
-        for one in nodes:
-            if one.box is not None and one.states & states.SHOWING:
-                x, y, width, height = one.box
-                found[one.name] = (x, y, x + width, y + height)
-        return found
+        entries = {}
+        for item in nodes:
+            if item.box is not None and item.states & states.SHOWING:
+                x, y, width, height = item.box
+                entries[item.name] = (x, y, x + width, y + height)
+        return entries
 
 
 def window(box, *children, name="w", role=states.FRAME):
@@ -251,13 +251,13 @@ def office(late, bars=1):
     second.role = states.MENU_BAR
     pane = node("pane", (0, 30 - late, 400, 300 - late), second, bar, line, role=states.ROOT_PANE)
     panel = node("panel", (0, 30, 400, 300), pane)
-    own = [node("bar", (0, 10, 400, 30), role=states.MENU_BAR)] * bars
-    return window(WHOLE, node("content", (0, 10, 400, 300), *own, panel))
+    value = [node("bar", (0, 10, 400, 30), role=states.MENU_BAR)] * bars
+    return window(WHOLE, node("content", (0, 10, 400, 300), *value, panel))
 
 
 def places(root):
     correct_libreoffice_boxes(Application(root, 7))
-    return {one.name: one.box for one in accessibility_tree.walk(root)}
+    return {item.name: item.box for item in accessibility_tree.walk(root)}
 
 
 def test_what_a_root_pane_holds_is_where_the_pane_is_drawn():
@@ -268,7 +268,7 @@ def test_what_a_root_pane_holds_is_where_the_pane_is_drawn():
 
 def test_a_root_pane_of_another_size_than_its_parent_stays_where_it_is():
     root = office(late=20)
-    (pane,) = [one for one in accessibility_tree.walk(root) if one.name == "pane"]
+    (pane,) = [item for item in accessibility_tree.walk(root) if item.name == "pane"]
     pane.box = (0, 10, 400, 200)
     assert places(root)["button"] == (100, 250, 20, 20)
 
@@ -277,29 +277,29 @@ def test_a_root_pane_of_another_size_than_its_parent_stays_where_it_is():
 def test_the_second_menu_bar_of_a_window_is_not_drawn(bars, seen):
     root = office(late=20, bars=bars)
     correct_libreoffice_boxes(Application(root, 7))
-    shown = {one.name for one in accessibility_tree.walk(root) if one.states & states.SHOWING}
-    assert ({"second", "File"} <= shown) == seen
-    assert ("second" in shown) == seen
-    assert ("bar" in shown) == bool(bars)
+    names = {item.name for item in accessibility_tree.walk(root) if item.states & states.SHOWING}
+    assert ({"second", "File"} <= names) == seen
+    assert ("second" in names) == seen
+    assert ("bar" in names) == bool(bars)
 
 
 def test_two_windows_of_one_application_in_one_place_are_told_apart_by_title():
     screen = Screen([Surface(LEFT, LEFT, title="b"), Surface(LEFT, LEFT, title="a")])
     inside = (10, 10, 20, 20)
-    one = node("a", LEFT, node("in a", inside), role=states.FRAME)
-    other = node("b", LEFT, node("in b", inside), role=states.FRAME)
-    assert set(screen.shown(node("app", None, one, other))) == {"b", "in b"}
+    result = node("a", LEFT, node("in a", inside), role=states.FRAME)
+    second = node("b", LEFT, node("in b", inside), role=states.FRAME)
+    assert set(screen.shown(node("app", None, result, second))) == {"b", "in b"}
 
 
 @pytest.mark.parametrize(("off", "seen"), [(4, True), (5, False)])
 def test_the_bus_and_x_may_differ_by_a_few_pixels(off, seen):
-    other = (300, 0, 400, 300)
-    screen = Screen([Surface((0, 0, 200, 300), (2, 20, 198, 298)), Surface(other, other)])
+    second = (300, 0, 400, 300)
+    screen = Screen([Surface((0, 0, 200, 300), (2, 20, 198, 298)), Surface(second, second)])
     moved = (off, off, 200, 300)
     root = node(
         "app",
         None,
-        node("known", other, role=states.FRAME),
+        node("known", second, role=states.FRAME),
         node("", moved, node("inside", (50, 50, 60, 60)), role=states.FRAME),
     )
     # One without a name that is no window of the screen is kept in reserve.
@@ -381,9 +381,11 @@ def found_icons(name="xfdesktop"):
 
 
 def test_icons_have_the_names_that_a_person_reads(desktop):
-    found = found_icons()
-    assert set(found) == {"File System", "Trash", "Home", "a file.txt"}
-    assert all(one.role_name == "icon" and one.states & SHOWN == SHOWN for one in found.values())
+    result = found_icons()
+    assert set(result) == {"File System", "Trash", "Home", "a file.txt"}
+    assert all(
+        item.role_name == "icon" and item.states & SHOWN == SHOWN for item in result.values()
+    )
     assert found_icons("xfce4-panel") == {}
     (desktop / icons.PLACES).write_text("row=1\n")
     assert found_icons() == {}

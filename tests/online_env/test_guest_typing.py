@@ -35,14 +35,14 @@ def slept():
 
 @pytest.fixture
 def server(monkeypatch, tmp_path, slept):
-    made = Server()
-    monkeypatch.setattr(display, "Display", lambda name: made)
+    result = Server()
+    monkeypatch.setattr(display, "Display", lambda name: result)
     monkeypatch.setattr(
-        xtest, "fake_input", lambda _, kind, detail=0, x=0, y=0: made.fake(kind, detail, x, y)
+        xtest, "fake_input", lambda _, kind, detail=0, x=0, y=0: result.fake(kind, detail, x, y)
     )
     monkeypatch.setattr(connections.time, "sleep", slept.append)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    return made
+    return result
 
 
 @pytest.fixture
@@ -145,8 +145,8 @@ def test_what_cannot_be_typed_is_told_before_anything_is(server, keyboard, text,
 def test_keys_of_a_shortcut_go_down_in_order_and_up_in_reverse(server, keyboard):
     def pressed():
         names = {row[0]: number + FIRST for number, row in enumerate(us_keyboard())}
-        found = {code: name for name, code in names.items()}
-        return [(kind == X.KeyPress, found[code]) for kind, code, *_ in server.events]
+        entries = {code: name for name, code in names.items()}
+        return [(kind == X.KeyPress, entries[code]) for kind, code, *_ in server.events]
 
     ctrl, a = 0xFFE3, ord("a")
     keyboard.hotkey(["Ctrl", "a"])
@@ -243,9 +243,9 @@ def test_clicks_drags_and_the_wheel(server, play, slept):
     ],
 )
 def test_a_wrong_event_is_named_and_nothing_stays_pressed(server, play, event, message):
-    held = {"type": "key_down", "key": "ctrl"}, {"type": "down", "button": 2}
+    items = {"type": "key_down", "key": "ctrl"}, {"type": "down", "button": 2}
     with pytest.raises(GuestError) as error:
-        play(*held, event)
+        play(*items, event)
     assert str(error.value).startswith(message)
     assert error.value.status == 400
     assert server.down == []
@@ -335,8 +335,8 @@ def test_keys_that_are_none_do_nothing_and_say_so(pyautogui, server, capsys):
     pyautogui.hotkey("shift", "nonsense", "c")
     pyautogui.typewrite(["d", "nonsense"])
     assert server.text == "abCd"
-    said = "pyautogui: there is no key 'nonsense'; nothing was pressed\n"
-    assert capsys.readouterr().err == said * 3
+    output = "pyautogui: there is no key 'nonsense'; nothing was pressed\n"
+    assert capsys.readouterr().err == output * 3
     with pytest.raises(pyautogui.PyAutoGUIException, match=r"no key types '\\x07'"):
         pyautogui.write("a\a")
 

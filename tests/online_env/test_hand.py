@@ -37,23 +37,23 @@ def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("act", "code"),
     [
-        (lambda hand, here, there: hand.click(here), CLICK),
-        (lambda hand, here, there: hand.double_click(here), f"pyautogui.doubleClick({MIDDLE})"),
-        (lambda hand, here, there: hand.right_click(here), f"pyautogui.rightClick({MIDDLE})"),
+        (lambda hand, here, result: hand.click(here), CLICK),
+        (lambda hand, here, result: hand.double_click(here), f"pyautogui.doubleClick({MIDDLE})"),
+        (lambda hand, here, result: hand.right_click(here), f"pyautogui.rightClick({MIDDLE})"),
         (
-            lambda hand, here, there: hand.add_click(here),
+            lambda hand, here, result: hand.add_click(here),
             f"pyautogui.keyDown('ctrl'); {CLICK}; pyautogui.keyUp('ctrl')",
         ),
         (
-            lambda hand, here, there: hand.drag(here, there),
+            lambda hand, here, result: hand.drag(here, result),
             f"pyautogui.moveTo({MIDDLE}); pyautogui.dragTo(5, 7, duration=0.5)",
         ),
     ],
 )
 def test_each_way_to_point_is_one_action(act, code) -> None:
     hand, ran = hand_on(shown(node("icon", "a"), node("icon", "b", at=(0, 2), size=(10, 10))))
-    here, there = hand.find("icon", "a"), hand.find("icon", "b")
-    act(hand, here, there)
+    here, result = hand.find("icon", "a"), hand.find("icon", "b")
+    act(hand, here, result)
     assert ran == [code]
 
 
@@ -87,11 +87,11 @@ def test_a_menu_is_gone_through_from_item_to_item() -> None:
 
 
 def test_a_field_is_filled_once_it_has_the_focus() -> None:
-    there, focused = node("entry", "Name"), node("entry", "Name", "focused")
-    hand, ran = hand_on(shown(there), shown(focused))
+    result, focused = node("entry", "Name"), node("entry", "Name", "focused")
+    hand, ran = hand_on(shown(result), shown(focused))
     hand.fill("Name", "Zoë")
     assert ran == [CLICK, SELECT, "pyautogui.write('Zoë')"]
-    hand, ran = hand_on(shown(there), timeout=0)
+    hand, ran = hand_on(shown(result), timeout=0)
     with pytest.raises(DesktopTimeoutError, match="focused entry or text Name of any application"):
         hand.fill("Name", "Zoë")
     assert ran == [CLICK]  # nothing was typed into another field
@@ -164,7 +164,7 @@ NODES = read_tree(
     ],
 )
 def test_a_node_is_told_by_role_name_application_and_state(given, names) -> None:
-    assert [found.name for found in NODES if fits(**given)(found)] == names
+    assert [item.name for item in NODES if fits(**given)(item)] == names
 
 
 def test_a_failure_of_the_code_is_told_with_the_end_of_what_it_said() -> None:
@@ -210,9 +210,9 @@ def test_between_two_looks_in_vain_the_hand_waits_longer_and_longer(
 
 def test_what_is_at_rest_is_the_first_that_is_seen_twice() -> None:
     hand, _ = hand_on(EMPTY)
-    seen = iter([None, 1, None, 2, 3, 3, 4])
-    assert hand.wait_until_stable("number", lambda: next(seen)) == 3
-    assert next(seen) == 4
+    calls = iter([None, 1, None, 2, 3, 3, 4])
+    assert hand.wait_until_stable("number", lambda: next(calls)) == 3
+    assert next(calls) == 4
 
 
 @pytest.mark.parametrize("read", [lambda: None, object])

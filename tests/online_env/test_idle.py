@@ -22,8 +22,8 @@ class Here(FolderDesktop):
     capabilities = frozenset({"files", "accessibility"})
 
     def execute(self, argv: Sequence[str] | str, timeout: float = 60) -> RunResult:
-        done = subprocess.run(argv, capture_output=True, text=True, timeout=timeout)
-        return RunResult("success", done.stdout, done.stderr, done.returncode)
+        process = subprocess.run(argv, capture_output=True, text=True, timeout=timeout)
+        return RunResult("success", process.stdout, process.stderr, process.returncode)
 
 
 def test_a_program_that_works_is_waited_for_and_not_for_ever(tmp_path: Path) -> None:

@@ -46,9 +46,9 @@ def folder(tmp_path, monkeypatch):
 @pytest.fixture
 def packed(tmp_path):
     """A tiny image as a file; it is not in the cache any more."""
-    made = images.publish()
+    result = images.publish()
     path = tmp_path / "tiny.tar.zst"
-    archive.write(made, path)
+    archive.write(result, path)
     cache.remove("tiny", print)
     return path
 
@@ -58,14 +58,14 @@ def run(*words):
 
 
 def test_the_same_files_are_the_same_image(tmp_path):
-    made = [tmp_path / name for name in ("one", "two", "other")]
-    for path in made:
+    values = [tmp_path / name for name in ("one", "two", "other")]
+    for path in values:
         path.mkdir()
-    ids = [images.fill(path, "x" if path.name == "other" else "hello").id for path in made]
+    ids = [images.fill(path, "x" if path.name == "other" else "hello").id for path in values]
     assert ids[0] == ids[1] != ids[2]
-    text = (made[0] / manifest.NAME).read_text()
+    text = (values[0] / manifest.NAME).read_text()
     assert str(tmp_path) not in text
-    assert manifest.read(made[0] / manifest.NAME).to_json() == text
+    assert manifest.read(values[0] / manifest.NAME).to_json() == text
 
 
 @pytest.mark.parametrize(
@@ -105,22 +105,22 @@ def test_a_file_that_nests_without_an_end_is_refused(packed, part):
 
 
 def test_an_image_goes_out_and_comes_back(packed, folder):
-    called, found = cache.import_file(packed, None, print)
+    called, result = cache.import_file(packed, None, print)
     assert called == "core"
-    made = cache.resolve("core")
-    assert made == folder / found.id
-    assert cache.resolve(found.id[:5]) == made
-    assert cache.verify(made) == []
-    program = made / "root/usr/bin/sudo"
+    outcome = cache.resolve("core")
+    assert outcome == folder / result.id
+    assert cache.resolve(result.id[:5]) == outcome
+    assert cache.verify(outcome) == []
+    program = outcome / "root/usr/bin/sudo"
     assert program.stat().st_mode & 0o7777 == 0o4755
     assert program.stat().st_mtime == file_entries.EPOCH
-    assert (made / "root/closed").stat().st_mode & 0o7777 == 0o700
-    assert os.readlink(made / "root/bin") == "usr/bin"
+    assert (outcome / "root/closed").stat().st_mode & 0o7777 == 0o700
+    assert os.readlink(outcome / "root/bin") == "usr/bin"
     # the same again changes nothing, and gives another name
-    before = made.stat().st_ino
+    before = outcome.stat().st_ino
     cache.import_file(packed, "second", print)
-    assert cache.names() == {"core": found.id, "second": found.id}
-    assert made.stat().st_ino == before
+    assert cache.names() == {"core": result.id, "second": result.id}
+    assert outcome.stat().st_ino == before
 
 
 def test_images_are_closed_to_others(folder):
@@ -149,70 +149,70 @@ CHANGES = {
 @pytest.mark.parametrize("name", CHANGES)
 def test_verify_says_which_file_was_changed(name):
     change, message = CHANGES[name]
-    made = images.publish()
+    result = images.publish()
     assert run("verify", "tiny").exit_code == 0
-    change(made / "root")
-    done = run("verify", "tiny")
-    assert done.exit_code == 1
-    assert message in done.output
-    assert "1 files differ" in done.output
+    change(result / "root")
+    value = run("verify", "tiny")
+    assert value.exit_code == 1
+    assert message in value.output
+    assert "1 files differ" in value.output
 
 
 def test_verify_finds_a_changed_manifest_or_list():
-    made = images.publish()
-    listed = made / manifest.FILES
+    result = images.publish()
+    listed = result / manifest.FILES
     text = listed.read_text()
     listed.write_text(text.replace("words", "WORDS"))
-    assert cache.verify(made) == [f"{listed}: is missing or was changed"]
+    assert cache.verify(result) == [f"{listed}: is missing or was changed"]
     listed.write_text(text)
-    path = made / manifest.NAME
+    path = result / manifest.NAME
     path.write_text(path.read_text().replace("signature", "none"))
-    assert "manifest.json: was changed" in cache.verify(made)[0]
+    assert "manifest.json: was changed" in cache.verify(result)[0]
 
 
 @pytest.mark.parametrize("name", [*CHANGES, "root", "manifest", "list"])
 def test_an_image_that_was_damaged_is_whole_once_it_is_imported_again(name, packed):
     damage = {
-        "root": lambda made: file_entries.remove(made / cache.ROOT),
-        "manifest": lambda made: (made / manifest.NAME).write_text("{"),
-        "list": lambda made: (made / manifest.FILES).unlink(),
+        "root": lambda result: file_entries.remove(result / cache.ROOT),
+        "manifest": lambda result: (result / manifest.NAME).write_text("{"),
+        "list": lambda result: (result / manifest.FILES).unlink(),
     }
-    _, found = cache.import_file(packed, None, print)
-    made = cache.place() / found.id
+    _, value = cache.import_file(packed, None, print)
+    result = cache.place() / value.id
     if name in damage:
-        damage[name](made)
+        damage[name](result)
     else:
-        CHANGES[name][0](made / "root")
+        CHANGES[name][0](result / "root")
     cache.import_file(packed, None, print)
     assert cache.verify(cache.resolve("core")) == []
 
 
 def test_an_image_that_was_damaged_is_whole_once_it_is_built_again():
-    made = images.publish()
-    (made / "root/etc/words").write_text("HELLO")
-    before = made.stat().st_ino
-    assert images.publish() == made
-    assert cache.verify(made) == []
-    assert images.publish() == made
-    assert made.stat().st_ino != before
+    result = images.publish()
+    (result / "root/etc/words").write_text("HELLO")
+    before = result.stat().st_ino
+    assert images.publish() == result
+    assert cache.verify(result) == []
+    assert images.publish() == result
+    assert result.stat().st_ino != before
 
 
 def test_a_damaged_image_that_a_desktop_runs_from_stays(monkeypatch, packed):
-    _, found = cache.import_file(packed, None, print)
-    made = cache.place() / found.id
-    (made / "root/etc/words").write_text("HELLO")
-    record = {"id": "d1", "image": made.name}
+    _, value = cache.import_file(packed, None, print)
+    result = cache.place() / value.id
+    (result / "root/etc/words").write_text("HELLO")
+    record = {"id": "d1", "image": result.name}
     monkeypatch.setattr(cache.registry, "records", lambda: [record])
     with pytest.raises(DesktopImageError, match="in use by d1; end them first"):
         cache.import_file(packed, None, print)
-    assert (made / "root/etc/words").read_text() == "HELLO"
+    assert (result / "root/etc/words").read_text() == "HELLO"
 
 
 def test_a_changed_image_is_not_exported(tmp_path):
-    made = images.publish()
-    (made / "root/etc/words").write_text("HELLO")
+    result = images.publish()
+    (result / "root/etc/words").write_text("HELLO")
     with pytest.raises(DesktopImageError, match="etc/words: is not as the image's manifest says"):
-        archive.write(made, tmp_path / "x.tar.zst")
+        archive.write(result, tmp_path / "x.tar.zst")
     assert not (tmp_path / "x.tar.zst").exists()
 
 
@@ -227,10 +227,10 @@ def test_a_file_that_is_cut_off_is_refused_and_leaves_nothing(packed, folder, pa
 
 
 def test_a_file_that_is_damaged_or_something_else_is_refused(packed, tmp_path):
-    other = tmp_path / "other.tar.zst"
-    other.write_text("words")
+    second = tmp_path / "other.tar.zst"
+    second.write_text("words")
     with pytest.raises(DesktopImageError, match="damaged"):
-        cache.import_file(other, None, print)
+        cache.import_file(second, None, print)
     with pytest.raises(DesktopImageError, match="cannot be read"):
         cache.import_file(tmp_path / "none", None, print)
 
@@ -291,10 +291,10 @@ def test_an_image_with_a_file_below_a_link_is_refused(tmp_path):
     ]
     (folder / manifest.FILES).write_text(file_entries.listing(entries))
     (tmp_path / "escaped").write_text("x")
-    found = dataclasses.replace(
+    result = dataclasses.replace(
         images.fill(_new(tmp_path)), files_sha256=file_entries.digest(folder / manifest.FILES)
     )
-    (folder / manifest.NAME).write_text(found.to_json())
+    (folder / manifest.NAME).write_text(result.to_json())
     archive.write(folder, tmp_path / "bad.tar.zst")
     (tmp_path / "escaped").unlink()
     with pytest.raises(DesktopImageError, match="out/escaped"):
@@ -353,22 +353,22 @@ def test_a_killed_process_leaves_nothing_half(folder):
     finally:
         process.send_signal(signal.SIGKILL)
         process.communicate()
-    made = images.publish()
+    result = images.publish()
     assert list(folder.glob(".building-*")) == []
-    assert list(cache.images()) == [made.name]
+    assert list(cache.images()) == [result.name]
 
 
 def test_a_second_build_waits_and_says_for_whom(folder):
     command = [sys.executable, "-c", HALF.replace("60", "1")]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    said = []
+    output = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, env=environment, text=True) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "half\n"
-        with cache.cache_lock(said.append):
+        with cache.cache_lock(output.append):
             assert process.wait(10) == 0
     holder = f"process {process.pid} on {os.uname().nodename}"
-    assert said == [f"waiting: {folder} is being written by {holder}"]
+    assert output == [f"waiting: {folder} is being written by {holder}"]
 
 
 @pytest.mark.parametrize("name", ["", "Upper", "a/b", "-x", ".x", "a_b", "x" * 41, "host"])
@@ -386,30 +386,30 @@ def test_unknown_images_are_answered_with_those_there_are():
 
 
 def test_which_image_a_desktop_starts_from(monkeypatch):
-    made = images.publish()
+    result = images.publish()
     assert cache.find_image_folder(None) is None
-    assert cache.find_image_folder("tiny") == made
+    assert cache.find_image_folder("tiny") == result
     monkeypatch.setenv(cache.CHOICE, "tiny")
-    assert cache.find_image_folder(None) == made
+    assert cache.find_image_folder(None) == result
     assert cache.find_image_folder("host") is None
     assert image_checks.is_asked_for(None)
     assert not image_checks.is_asked_for("host")
     monkeypatch.setenv(cache.CHOICE, "gone")
-    _, found = image_checks.findings(None)
-    assert found[1] is False
-    assert "no image 'gone'" in found[2]
+    _, value = image_checks.findings(None)
+    assert value[1] is False
+    assert "no image 'gone'" in value[2]
 
 
 def test_an_image_in_use_is_not_removed(monkeypatch):
-    made = images.publish()
-    other = images.publish("other", "other")
-    record = {"id": "d1", "image": made.name}
+    result = images.publish()
+    second = images.publish("other", "other")
+    record = {"id": "d1", "image": result.name}
     monkeypatch.setattr(cache.registry, "records", lambda: [record])
     with pytest.raises(DesktopImageError, match="in use by d1"):
         cache.remove("tiny", print)
-    assert cache.remove("other", print) == other.name
-    assert cache.names() == {"tiny": made.name}
-    assert not other.exists()
+    assert cache.remove("other", print) == second.name
+    assert cache.names() == {"tiny": result.name}
+    assert not second.exists()
 
 
 def test_commands(packed):

@@ -66,9 +66,9 @@ def test_engines_find_what_they_check(packed):
             f"sha256:{hashlib.sha256(tar.extractfile(name).read()).hexdigest()}"
             for name in about["Layers"]
         ]
-    found = json.loads(config)
-    assert found["rootfs"]["diff_ids"] == digests
-    assert set(found["config"]["ExposedPorts"]) == {"5000/tcp", "5001/tcp"}
+    data = json.loads(config)
+    assert data["rootfs"]["diff_ids"] == digests
+    assert set(data["config"]["ExposedPorts"]) == {"5000/tcp", "5001/tcp"}
     assert "TOKEN" not in config.decode()
 
 
@@ -91,15 +91,15 @@ def test_the_layers_are_the_system_and_what_a_desktop_needs(packed):
 def test_the_code_in_it_is_all_that_is_needed(packed, tmp_path):
     layers(packed)[1].extractall(tmp_path / "layer", filter="data")
     code = tmp_path / "layer/usr/local/lib/desktop-server/code"
-    others = [path for path in sys.path if path.endswith("-packages")]
-    done = subprocess.run(
-        [sys.executable, "-I", "-S", "-c", LOAD, str(code), *others],
+    matches = [path for path in sys.path if path.endswith("-packages")]
+    process = subprocess.run(
+        [sys.executable, "-I", "-S", "-c", LOAD, str(code), *matches],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
-    assert all(path.startswith(str(code)) for path in eval(done.stdout))
+    assert process.returncode == 0, process.stderr
+    assert all(path.startswith(str(code)) for path in eval(process.stdout))
 
 
 def test_the_same_image_is_the_same_file(packed, image, tmp_path):
@@ -125,34 +125,34 @@ def control():
     def look(_, descriptors):
         return set(select.select(descriptors, [], [], 0.1)[0])
 
-    made = Control(0, "secret")
-    thread = threading.Thread(target=made.wait, args=(look,), daemon=True)
+    result = Control(0, "secret")
+    thread = threading.Thread(target=result.wait, args=(look,), daemon=True)
     thread.start()
-    yield made, f"http://127.0.0.1:{made._server.server_port}", thread
+    yield result, f"http://127.0.0.1:{result._server.server_port}", thread
     with socket.socket() as anything:
-        made._server.asked = anything  # so that it waits no more
+        result._server.asked = anything  # so that it waits no more
         thread.join(10)
-    made._server.server_close()
+    result._server.server_close()
 
 
 def test_a_reset_is_answered_when_it_is_done(control):
-    made, url, thread = control
-    found = []
+    value, url, thread = control
+    items = []
 
     def ask():
         try:
             ContainerResetter(url, "secret")()
         except DesktopError as error:
-            found.append(str(error))
+            items.append(str(error))
 
     asking = threading.Thread(target=ask)
     asking.start()
     thread.join(10)
     time.sleep(0.1)
     assert asking.is_alive()  # not before the session is there
-    made.answer({"error": "changed /usr"})
+    value.answer({"error": "changed /usr"})
     asking.join(10)
-    assert found == ["changed /usr"]
+    assert items == ["changed /usr"]
 
 
 def test_who_has_no_token_resets_nothing(control):
@@ -174,11 +174,11 @@ def answering():
     servers = []
 
     def make(status, headers, body):
-        asked = []
+        requests = []
 
         class Answer(BaseHTTPRequestHandler):
             def do_POST(self):
-                asked.append((self.path, self.headers.get("X-Token")))
+                requests.append((self.path, self.headers.get("X-Token")))
                 self.send_response(status)
                 for name, value in headers.items():
                     self.send_header(name, value)
@@ -192,7 +192,7 @@ def answering():
 
         servers.append(ThreadingHTTPServer(("127.0.0.1", 0), Answer))
         threading.Thread(target=servers[-1].serve_forever).start()
-        return f"http://127.0.0.1:{servers[-1].server_port}", asked
+        return f"http://127.0.0.1:{servers[-1].server_port}", requests
 
     yield make
     for server in servers:
@@ -203,20 +203,20 @@ def answering():
 def test_the_token_of_a_container_goes_to_the_container_alone(answering, monkeypatch):
     proxy, by_proxy = answering(200, {}, b"{}")
     elsewhere, at_other = answering(200, {}, b"{}")
-    there, asked = answering(302, {"Location": f"{elsewhere}/reset"}, b"")
+    value, requests = answering(302, {"Location": f"{elsewhere}/reset"}, b"")
     monkeypatch.setenv("http_proxy", proxy)
     monkeypatch.setenv("no_proxy", "")
     with pytest.raises(GuestError, match="302"):
-        ContainerResetter(there, "secret")()
-    assert asked == [("/reset", "secret")]
+        ContainerResetter(value, "secret")()
+    assert requests == [("/reset", "secret")]
     assert (by_proxy, at_other) == ([], [])
 
 
 def test_an_encrypted_address_stays_encrypted(answering):
-    there, asked = answering(200, {}, b"{}")
+    value, requests = answering(200, {}, b"{}")
     with pytest.raises(GuestError, match=r"https://.*no reset"):
-        ContainerResetter(there.replace("http:", "https:"), "secret")()
-    assert asked == []
+        ContainerResetter(value.replace("http:", "https:"), "secret")()
+    assert requests == []
 
 
 @pytest.mark.parametrize(
@@ -248,11 +248,11 @@ def test_what_root_has_changed_is_found(tmp_path):
     assert list(pristine._changed(str(tmp_path), frozenset(), since)) == []
     time.sleep(0.02)
     os.utime(tmp_path / "usr/share/old", (1, 1))  # no times that a program sets hide it
-    found = list(pristine._changed(str(tmp_path), frozenset(), since))
-    assert found == [str(tmp_path / "usr/share/old")]
+    items = list(pristine._changed(str(tmp_path), frozenset(), since))
+    assert items == [str(tmp_path / "usr/share/old")]
     (tmp_path / "usr/share/old").unlink()
-    found = list(pristine._changed(str(tmp_path), frozenset(), since))
-    assert found == [str(tmp_path / "usr/share")]
+    items = list(pristine._changed(str(tmp_path), frozenset(), since))
+    assert items == [str(tmp_path / "usr/share")]
 
 
 def test_what_the_engine_mounts_is_not_looked_at(tmp_path):
@@ -289,5 +289,5 @@ def test_the_flag_that_grants_it_is_named_in_a_container():
     assert why.startswith("which this desktop lacks (available: files); for firewall, sudo must")
     assert "for lock, one of these lockers must run" in why
     for code in (0, 1):
-        found = RunResult("success", returncode=code)
-        assert is_container(lambda argv, time, found=found: found) is (code == 0)
+        run_result = RunResult("success", returncode=code)
+        assert is_container(lambda argv, time, run_result=run_result: run_result) is (code == 0)

@@ -62,9 +62,9 @@ def test_only_root_on_debian_12_gets_packages(tmp_path, monkeypatch, text, user,
 
 
 def test_a_file_becomes_what_desktops_start_from(packed, folder):
-    done = run("--image", str(packed))
-    assert done.exit_code == 0, done.output
-    assert "desktops start from the image core" in done.output
+    result = run("--image", str(packed))
+    assert result.exit_code == 0, result.output
+    assert "desktops start from the image core" in result.output
     assert cache.find_image_folder(None) == cache.resolve("core")
     assert cache.find_image_folder(cache.HOST) is None
     assert image_checks.is_asked_for(None)
@@ -76,8 +76,8 @@ def test_a_file_becomes_what_desktops_start_from(packed, folder):
 def test_an_image_that_is_here_is_taken(monkeypatch):
     images.publish(name="mine")
     monkeypatch.setattr(image_setup, "prefers_packages", lambda: False)
-    done = run("--profile", "core")
-    assert "desktops start from the image mine" in done.output
+    result = run("--profile", "core")
+    assert "desktops start from the image mine" in result.output
     assert run("--image", "mine").exit_code == 0
     assert "no image 'other'" in str(run("--image", "other").exception)
 
@@ -102,10 +102,10 @@ def test_the_present_profiles_stay(monkeypatch):
 def server(tmp_path):
     """The address of a web server that has the files of the test."""
     handler = partial(http.server.SimpleHTTPRequestHandler, directory=str(tmp_path))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as found:
-        threading.Thread(target=found.serve_forever, daemon=True).start()
-        yield f"http://127.0.0.1:{found.server_port}"
-        found.shutdown()
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as threading_httpserver:
+        threading.Thread(target=threading_httpserver.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{threading_httpserver.server_port}"
+        threading_httpserver.shutdown()
 
 
 def test_an_image_is_fetched(packed, server, folder):
@@ -137,9 +137,9 @@ def test_without_an_archive_it_says_what_to_give(monkeypatch):
 
 
 def test_host_and_image_exclude_each_other():
-    done = run("--host", "--image", "x")
-    assert done.exit_code == 2
-    assert "without --image" in done.output
+    result = run("--host", "--image", "x")
+    assert result.exit_code == 2
+    assert "without --image" in result.output
 
 
 def test_what_an_image_lacks(monkeypatch):
@@ -154,10 +154,10 @@ def test_a_program_comes_from_the_machine_or_from_the_image(tmp_path, monkeypatc
     program = tmp_path / "usr/bin/never-there"
     program.parent.mkdir(parents=True)
     program.write_text("")
-    found = program_paths.command("never-there", str(tmp_path))
-    assert found[-1] == str(program)
-    assert Path(found[0]).name.startswith("ld-linux-")
-    assert found[0].startswith(str(tmp_path))
+    result = program_paths.command("never-there", str(tmp_path))
+    assert result[-1] == str(program)
+    assert Path(result[0]).name.startswith("ld-linux-")
+    assert result[0].startswith(str(tmp_path))
     assert program_paths.command("sh", str(tmp_path)) == [program_paths.shutil.which("sh")]
     with pytest.raises(SetupError, match=r"never-there is not installed.*hijack desktop install"):
         program_paths.command("never-there")

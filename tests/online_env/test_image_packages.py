@@ -95,11 +95,11 @@ def test_equal_versions_are_written_in_several_ways():
 
 def test_a_closure_takes_what_is_there_anyway_and_the_newest():
     index = debian.PackageIndex.of(debian.parse(STANZAS, "https://x.test"))
-    found = {package.name: package for package in index.closure(["app"])}
+    entries = {package.name: package for package in index.closure(["app"])}
     # `helper` needs the second of the shells, so the first is not wanted
-    assert set(found) == {"app", "lib", "helper", "other-shell", "exim"}
-    assert found["lib"].version == "1.10"
-    assert found["lib"].url == "https://x.test/pool/lib2.deb"
+    assert set(entries) == {"app", "lib", "helper", "other-shell", "exim"}
+    assert entries["lib"].version == "1.10"
+    assert entries["lib"].url == "https://x.test/pool/lib2.deb"
     assert index.base() == ["other-shell"]
 
 
@@ -138,8 +138,8 @@ def test_sources_of_the_machine_in_both_formats(tmp_path):
         "Types: deb\nEnabled: no\nURIs: https://no.test\nSuites: bookworm\nComponents: main\n"
     )
     (tmp_path / "sources.list.d/old.bak").write_text("deb https://bak.test bookworm main\n")
-    found = [(source.url, source.suite) for source in sources.from_machine(tmp_path)]
-    assert found == [
+    values = [(source.url, source.suite) for source in sources.from_machine(tmp_path)]
+    assert values == [
         ("https://one.test/debian", "bookworm"),
         ("https://two.test", "bookworm"),
         ("https://two.test", "bookworm-updates"),
@@ -224,19 +224,19 @@ def package_of(top, data=b"package"):
 
 
 def test_packages_are_fetched_once_and_checked(tmp_path):
-    said = []
+    output = []
     package = package_of(tmp_path)
     kept = tmp_path / "kept"
     kept.mkdir()
-    paths = sources.fetch_packages([package], kept, said.append)
+    paths = sources.fetch_packages([package], kept, output.append)
     assert paths["app"].read_bytes() == b"package"
     (tmp_path / "pool/app.deb").unlink()
-    assert sources.fetch_packages([package], kept, said.append) == paths
-    assert said[-1] == "1 packages, 0 of them to fetch (0 MB)"
+    assert sources.fetch_packages([package], kept, output.append) == paths
+    assert output[-1] == "1 packages, 0 of them to fetch (0 MB)"
     # one that was damaged on the disk is fetched again
     paths["app"].write_bytes(b"PACKAGE")
     package_of(tmp_path)
-    sources.fetch_packages([package], kept, said.append)
+    sources.fetch_packages([package], kept, output.append)
     assert paths["app"].read_bytes() == b"package"
 
 
@@ -266,11 +266,11 @@ def deb(names):
             info.mtime = 5
             tar.addfile(info, io.BytesIO(b"x"))
     body = data.getvalue()
-    found = b"!<arch>\n"
+    result = b"!<arch>\n"
     for name, content in (("debian-binary", b"2.0\n"), ("data.tar.xz", body)):
-        found += f"{name:<16}{0:<12}{0:<6}{0:<6}{644:<8}{len(content):<10}`\n".encode()
-        found += content + b"\n" * (len(content) % 2)
-    return found
+        result += f"{name:<16}{0:<12}{0:<6}{0:<6}{644:<8}{len(content):<10}`\n".encode()
+        result += content + b"\n" * (len(content) % 2)
+    return result
 
 
 def test_a_package_is_unpacked_without_what_no_desktop_needs(tmp_path):

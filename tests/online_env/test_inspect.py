@@ -75,21 +75,23 @@ def pictures_in(messages):
 
 def mock(*, never_done=False, answer="DONE", act=None):
     """A model that clicks the dark square and then submits; it is asked in `model.asked`."""
-    asked = []
+    requests = []
 
     def output(messages, tools, tool_choice, config):
-        asked.append(list(messages))
+        requests.append(list(messages))
         place = middle_of_square(pictures_in(messages)[-1])
-        given = {"action": "left_click", "coordinate": list(place or (5, 5))}
-        made = ModelOutput.for_tool_call("mockllm/model", "computer", given if act is None else act)
-        if not never_done and (place is None or (act is not None and len(asked) > 1)):
-            made = ModelOutput.for_tool_call("mockllm/model", "submit", {"answer": answer})
+        entries = {"action": "left_click", "coordinate": list(place or (5, 5))}
+        result = ModelOutput.for_tool_call(
+            "mockllm/model", "computer", entries if act is None else act
+        )
+        if not never_done and (place is None or (act is not None and len(requests) > 1)):
+            result = ModelOutput.for_tool_call("mockllm/model", "submit", {"answer": answer})
         # Else it counts with a library that downloads.
-        made.usage = ModelUsage(input_tokens=1, output_tokens=1, total_tokens=2)
-        return made
+        result.usage = ModelUsage(input_tokens=1, output_tokens=1, total_tokens=2)
+        return result
 
     model = get_model("mockllm/model", custom_outputs=output, memoize=False)
-    return model, asked
+    return model, requests
 
 
 def run(task, model, tmp_path, **options):
@@ -106,14 +108,14 @@ def metrics_of(log):
 
 
 def test_an_episode_is_a_sample_and_its_score_is_that_of_the_benchmark(tmp_path):
-    given = {"clean": None, "marks": hj.Marks(number=3), "resolution": hj.Resolution(scale=0.5)}
-    task = inspect_task(benchmark(given, seeds=(0, 1)))
-    model, asked = mock()
+    entries = {"clean": None, "marks": hj.Marks(number=3), "resolution": hj.Resolution(scale=0.5)}
+    task = inspect_task(benchmark(entries, seeds=(0, 1)))
+    model, requests = mock()
     log = run(task, model, tmp_path)
     samples = {sample.id: sample for sample in log.samples}
-    assert set(samples) == {f"square-{label}-s{seed}" for seed in (0, 1) for label in given}
-    assert {key: metrics_of(log)[key] for key in ("all", *given)} == dict.fromkeys(
-        ("all", *given), 1.0
+    assert set(samples) == {f"square-{label}-s{seed}" for seed in (0, 1) for label in entries}
+    assert {key: metrics_of(log)[key] for key in ("all", *entries)} == dict.fromkeys(
+        ("all", *entries), 1.0
     )
     first = samples["square-clean-s0"]
     assert first.metadata == {"task": "square", "corruption": "clean", "seed": 0}
@@ -125,9 +127,9 @@ def test_an_episode_is_a_sample_and_its_score_is_that_of_the_benchmark(tmp_path)
     halved = samples["square-resolution-s0"]
     assert {picture.shape for picture in pictures_in(halved.messages)} == {(210, 364, 3)}
     # Nothing tells the model what was done.
-    words = str([m.text for messages in asked for m in messages])
+    words = str([m.text for messages in requests for m in messages])
     assert "Click the dark square." in words
-    assert not [name for name in (*given, "corrupt", "write_note") if name in words]
+    assert not [name for name in (*entries, "corrupt", "write_note") if name in words]
 
 
 def test_what_is_not_proved_is_unscored_and_what_breaks_is_errored(tmp_path):
@@ -140,9 +142,9 @@ def test_what_is_not_proved_is_unscored_and_what_breaks_is_errored(tmp_path):
         def to_config(self):
             return {"marks": {}}
 
-    given = {"clean": None, "broken": Sabotaged(-1, sabotaged=True)}
+    entries = {"clean": None, "broken": Sabotaged(-1, sabotaged=True)}
     model, _ = mock()
-    log = run(inspect_task(benchmark(given)), model, tmp_path)
+    log = run(inspect_task(benchmark(entries)), model, tmp_path)
     broken, good = sorted(log.samples, key=lambda sample: sample.id)
     assert good.scores["task_score"].value == 1.0
     assert np.isnan(broken.scores["task_score"].value)
@@ -200,37 +202,37 @@ def test_the_answer_fail_is_passed_on_and_a_limit_cuts_off(tmp_path):
     ],
 )
 def test_actions_of_the_tool(call, code, note, tmp_path, monkeypatch):
-    made = []
+    items = []
 
     class Noted(SquareDesktop):
         def __init__(self, size):
             super().__init__(size)
-            made.append(self)
+            items.append(self)
 
     @contextmanager
     def noted(size):
         yield Noted(size)
 
     register_square(monkeypatch, noted)
-    model, asked = mock(act=call)
+    model, requests = mock(act=call)
     run(inspect_task(benchmark()), model, tmp_path)
-    [desktop] = made
+    [desktop] = items
     assert "\n".join(text.strip() for text in desktop.ran) == (code or "")
     # The mock takes no pictures in results: Inspect puts them into a message after it.
-    [result] = [message for message in asked[1] if message.role == "tool"]
-    told = f"{result.error.message if result.error else ''}{asked[1][-1].text}{result.text}"
-    assert note in told, asked[1]
-    assert pictures_in(asked[1])[-1].shape == (*SIZE, 3)
+    [result] = [message for message in requests[1] if message.role == "tool"]
+    value = f"{result.error.message if result.error else ''}{requests[1][-1].text}{result.text}"
+    assert note in value, requests[1]
+    assert pictures_in(requests[1])[-1].shape == (*SIZE, 3)
     assert desktop.closed
 
 
 def test_a_model_that_raises_leaves_no_desktop(tmp_path, monkeypatch):
-    made = []
+    items = []
 
     @contextmanager
     def noted(size):
-        made.append(SquareDesktop(size))
-        yield made[-1]
+        items.append(SquareDesktop(size))
+        yield items[-1]
 
     def output(*_):
         raise ConnectionError("the endpoint is down")
@@ -239,7 +241,7 @@ def test_a_model_that_raises_leaves_no_desktop(tmp_path, monkeypatch):
     model = get_model("mockllm/model", custom_outputs=output, memoize=False)
     log = run(inspect_task(benchmark(seeds=(0, 1))), model, tmp_path)
     assert ["the endpoint is down" in sample.error.message for sample in log.samples] == [True] * 2
-    assert [desktop.closed for desktop in made] == [True, True]
+    assert [desktop.closed for desktop in items] == [True, True]
 
 
 def test_a_picture_of_another_size_is_mapped_back_and_what_cannot_be_is_refused(monkeypatch):
@@ -259,21 +261,21 @@ def test_a_picture_of_another_size_is_mapped_back_and_what_cannot_be_is_refused(
 
 
 def test_zoom_shows_a_part_larger_and_takes_no_step(tmp_path):
-    model, asked = mock(act={"action": "zoom", "region": [0, 0, SIZE[1] // 2, SIZE[0] // 2]})
+    model, requests = mock(act={"action": "zoom", "region": [0, 0, SIZE[1] // 2, SIZE[0] // 2]})
     log = run(inspect_task(benchmark()), model, tmp_path)
     record = log.samples[0].scores["task_score"].metadata["record"]
     assert (record["steps"], record["score"]) == (1, 0.0), "DONE is the only one"
-    first, zoomed = pictures_in(asked[1])
+    first, zoomed = pictures_in(requests[1])
     assert first.shape == zoomed.shape
     assert zoomed[::2, ::2].shape[0] == SIZE[0] // 2
     assert np.abs(zoomed[8:-8:2, 8:-8:2].astype(int).mean() - first[4:206, 4:360].mean()) < 3
 
 
 def test_older_pictures_are_sent_as_words(tmp_path):
-    model, asked = mock(never_done=True)
+    model, requests = mock(never_done=True)
     run(inspect_task(benchmark(), keep=1), model, tmp_path)
-    assert [len(pictures_in(messages)) for messages in asked] == [1, 2, 2, 2]
-    assert str(asked[-1]).count("(an older screenshot)") == 2
+    assert [len(pictures_in(messages)) for messages in requests] == [1, 2, 2, 2]
+    assert str(requests[-1]).count("(an older screenshot)") == 2
 
 
 def test_samples_wait_for_a_free_desktop(tmp_path, monkeypatch):
@@ -310,11 +312,11 @@ def test_models_get_their_native_computer_use(name, tool, tmp_path):
         log = run(inspect_task(benchmark({"half": hj.Resolution(scale=0.5)})), model, tmp_path)
     assert log.samples[0].error is None, log.samples[0].error
     assert metrics_of(log)["all"] == 1.0
-    offered = [given for body in endpoint.requests for given in body.get("tools", ())]
-    assert tool in {given["type"] for given in offered if "type" in given}
+    offered = [options for body in endpoint.requests for options in body.get("tools", ())]
+    assert tool in {options["type"] for options in offered if "type" in options}
     # The older tools of Anthropic are told a display of 1366x768: the picture has that size.
-    told = [given for given in offered if "display_width_px" in given]
-    expected = {(768, 1366)} if told else {(210, 364)}
+    matches = [options for options in offered if "display_width_px" in options]
+    expected = {(768, 1366)} if matches else {(210, 364)}
     assert {size for sizes in endpoint.pictures for size in sizes} == expected
 
 
@@ -352,7 +354,7 @@ def test_inspect_finds_the_tasks_in_an_installed_package(tmp_path):
         "[task] = load_tasks(['agenthijack/embedded_small'], {'corruptions': 'clean'})\n"
         "print(task.name, len(task.dataset) > 0)\n"
     )
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(place)},
@@ -361,8 +363,8 @@ def test_inspect_finds_the_tasks_in_an_installed_package(tmp_path):
         timeout=300,
         check=False,
     )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split()[-2:] == ["agenthijack/embedded_small", "True"], done.stdout
+    assert process.returncode == 0, process.stderr
+    assert process.stdout.split()[-2:] == ["agenthijack/embedded_small", "True"], process.stdout
 
 
 def test_without_inspect_the_extra_is_named(monkeypatch):

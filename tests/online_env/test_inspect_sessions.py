@@ -48,10 +48,10 @@ def made(monkeypatch):
 
 @pytest.fixture
 def session(made):
-    one = Session(BENCH, "model", None)
-    one.begin("square", "clean", 0)
-    yield one
-    one.close()
+    result = Session(BENCH, "model", None)
+    result.begin("square", "clean", 0)
+    yield result
+    result.close()
 
 
 def used(session, **call):
@@ -144,16 +144,16 @@ def test_a_region_of_another_form_keeps_its_form(session):
 
 
 def test_what_is_called_before_the_episode_says_so(made):
-    one = Session(BENCH, "model", None)
+    result = Session(BENCH, "model", None)
     for call in (
-        lambda: one.act("DONE"),
-        lambda: one.record_message("x"),
-        lambda: one.cut_off("x"),
+        lambda: result.act("DONE"),
+        lambda: result.record_message("x"),
+        lambda: result.cut_off("x"),
     ):
         with pytest.raises(HijackError, match=r"^the episode has not begun: call begin first$"):
             call()
-    assert one.record is None
-    one.close()
+    assert result.record is None
+    result.close()
     assert made == []
 
 
@@ -164,8 +164,8 @@ def test_a_desktop_is_free_again_when_its_episode_could_not_begin(made):
     def begins(name, fails):
         def begin():
             order.append(name)
-            one = opened[name]
-            one.begin("square", "clean", 0)
+            value = opened[name]
+            value.begin("square", "clean", 0)
             if fails:
                 raise DesktopError("no luck")
 

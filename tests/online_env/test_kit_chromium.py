@@ -31,16 +31,16 @@ def test_a_setting_is_kept_beside_others(machine: Machine) -> None:
 def test_wrong_settings_are_named_with_what_they_are(machine: Machine) -> None:
     chromium.change_setting(machine, "a.b", 1)
     assert list(chromium.wrong_settings(machine, {"a.b": 1})) == []
-    found = list(chromium.wrong_settings(machine, {"a.b": 2, "a.c": 3}))
-    assert found == ["the setting a.b is 1, not 2", "the setting a.c is None, not 3"]
+    items = list(chromium.wrong_settings(machine, {"a.b": 2, "a.c": 3}))
+    assert items == ["the setting a.b is 1, not 2", "the setting a.c is None, not 3"]
 
 
 def test_bookmarks_are_read_as_they_were_written(machine: Machine) -> None:
     assert chromium.bookmarks(machine) == {"bookmark_bar": [], "other": [], "synced": []}
     chromium.write_bookmarks(machine, BAR, other=[("Chess", "http://wiki.test/wiki/Chess")])
-    found = chromium.bookmarks(machine)
-    assert found["bookmark_bar"] == BAR
-    assert found["other"] == [("Chess", "http://wiki.test/wiki/Chess")]
+    result = chromium.bookmarks(machine)
+    assert result["bookmark_bar"] == BAR
+    assert result["other"] == [("Chess", "http://wiki.test/wiki/Chess")]
 
 
 def test_bookmarks_are_judged_in_whatever_order(machine: Machine) -> None:
@@ -100,14 +100,14 @@ def test_a_bookmark_outside_the_bar_is_wrong(machine: Machine, root: str) -> Non
 
 
 def test_the_order_within_folders_does_not_count_and_the_folder_does(machine: Machine) -> None:
-    one, two, three = ((name, f"http://{name}.test/") for name in ("one", "two", "three"))
-    wanted: list[chromium.Bookmark] = [("Work", [one, ("Old", [two, three])])]
-    chromium.write_bookmarks(machine, [("Work", [("Old", [three, two]), one])])
-    assert list(chromium.wrong_bookmarks(machine, wanted)) == []
-    chromium.write_bookmarks(machine, [("Work", [one, two, ("Old", [three])])])
-    assert len(list(chromium.wrong_bookmarks(machine, wanted))) == 1
-    chromium.write_bookmarks(machine, [("Work", [one, one, ("Old", [two, three])])])
-    assert len(list(chromium.wrong_bookmarks(machine, wanted))) == 1
+    value, two, three = ((name, f"http://{name}.test/") for name in ("one", "two", "three"))
+    expected: list[chromium.Bookmark] = [("Work", [value, ("Old", [two, three])])]
+    chromium.write_bookmarks(machine, [("Work", [("Old", [three, two]), value])])
+    assert list(chromium.wrong_bookmarks(machine, expected)) == []
+    chromium.write_bookmarks(machine, [("Work", [value, two, ("Old", [three])])])
+    assert len(list(chromium.wrong_bookmarks(machine, expected))) == 1
+    chromium.write_bookmarks(machine, [("Work", [value, value, ("Old", [two, three])])])
+    assert len(list(chromium.wrong_bookmarks(machine, expected))) == 1
 
 
 def test_all_that_is_blocked_is_named_whatever_notes_chromium_keeps(machine: Machine) -> None:

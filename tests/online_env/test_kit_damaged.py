@@ -46,9 +46,9 @@ def with_part(name: str, old: bytes, new: bytes) -> Callable[[bytes], bytes]:
     """Return what changes a part of an office file."""
 
     def change(data: bytes) -> bytes:
-        found = parts(data)
-        assert old in found[name]
-        return make_zip({**found, name: found[name].replace(old, new, 1)})
+        result = parts(data)
+        assert old in result[name]
+        return make_zip({**result, name: result[name].replace(old, new, 1)})
 
     return change
 
@@ -185,9 +185,9 @@ def test_silence_and_the_octave_are_no_melody(machine: Machine) -> None:
 )
 def test_a_note_may_be_a_little_off(machine: Machine, cents: int, is_same: bool) -> None:
     machine.write("a.wav", recordings.wav_file([220 * 2 ** (cents / 1200)]))
-    heard = recordings.sound(machine, "a.wav")
-    assert heard is not None
-    assert (list(recordings.melody_problems(heard, [220.0])) == []) == is_same
+    messages = recordings.sound(machine, "a.wav")
+    assert messages is not None
+    assert (list(recordings.melody_problems(messages, [220.0])) == []) == is_same
 
 
 def test_what_is_no_address_in_a_playlist_is_a_name(machine: Machine) -> None:

@@ -52,19 +52,19 @@ def test_what_is_stored_is_read_and_the_rest_stays(machine):
     machine.write(FILE, CHANNEL)
     desktop_settings.store(machine, "xfwm4", "general/workspace_names", ["Three"])
     desktop_settings.store(machine, "xfwm4", "general/theme", "Daloa")
-    wanted = {
+    expected = {
         "general/workspace_names": ["Three"],
         "general/theme": "Daloa",
         "general/workspace_count": "4",
     }
-    assert list(desktop_settings.setting_problems(machine, "xfwm4", wanted)) == []
+    assert list(desktop_settings.setting_problems(machine, "xfwm4", expected)) == []
 
 
 def test_a_setting_that_differs_is_named(machine):
     machine.write(FILE, CHANNEL)
-    wanted = {"general/workspace_count": "5"}
-    found = list(desktop_settings.setting_problems(machine, "xfwm4", wanted))
-    assert found == ["xfwm4 general/workspace_count is '4', not '5'"]
+    expected = {"general/workspace_count": "5"}
+    items = list(desktop_settings.setting_problems(machine, "xfwm4", expected))
+    assert items == ["xfwm4 general/workspace_count is '4', not '5'"]
 
 
 def test_numbers_are_the_same_however_they_are_written(machine):
@@ -87,8 +87,8 @@ def test_numbers_are_the_same_however_they_are_written(machine):
 )
 def test_lists_texts_and_numbers_are_told_apart(machine, stored, wanted, is_right):
     desktop_settings.store(machine, "xfwm4", "general/name", stored)
-    found = list(desktop_settings.setting_problems(machine, "xfwm4", {"general/name": wanted}))
-    assert found == ([] if is_right else [f"xfwm4 general/name is {stored!r}, not {wanted!r}"])
+    items = list(desktop_settings.setting_problems(machine, "xfwm4", {"general/name": wanted}))
+    assert items == ([] if is_right else [f"xfwm4 general/name is {stored!r}, not {wanted!r}"])
 
 
 def test_a_list_of_settings_becomes_another_one(machine):

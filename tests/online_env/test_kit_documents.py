@@ -34,9 +34,9 @@ def text_before() -> documents.TextContent:
 
 def changed_text(change: Callable[[Any], object]) -> documents.TextContent:
     """Return what is read of a text in which something was changed."""
-    made = made_text()
-    change(made)
-    return documents.read_text(dump(made))
+    result = made_text()
+    change(result)
+    return documents.read_text(dump(result))
 
 
 def text_changes(change: Callable[[Any], object]) -> list[str]:
@@ -124,27 +124,27 @@ def test_an_alignment_has_one_name_in_both_kinds_of_docx() -> None:
         "center": "center",
         "both": "both",
     }
-    made = documents.document("Title", list(names))
-    for paragraph in made.paragraphs[1:]:
+    result = documents.document("Title", list(names))
+    for paragraph in result.paragraphs[1:]:
         paragraph._p.get_or_add_pPr()._add_jc().set(qn("w:val"), paragraph.text)
-    read = documents.read_text(dump(made)).paragraphs[1:]
+    read = documents.read_text(dump(result)).paragraphs[1:]
     assert {paragraph.text: paragraph.alignment for paragraph in read} == names
 
 
 def test_line_spacing_comes_from_the_paragraph_its_style_or_the_style_below() -> None:
-    made = made_text()
-    assert first_of(made).spacing == 1.15  # of the whole document
-    made.styles["Normal"].paragraph_format.line_spacing = 1.5
-    made.paragraphs[1].style = made.styles["List Bullet"]  # it is based on Normal
-    assert first_of(made).spacing == 1.5
-    made.paragraphs[1].paragraph_format.line_spacing = 2.0
-    assert first_of(made).spacing == 2.0
+    result = made_text()
+    assert first_of(result).spacing == 1.15  # of the whole document
+    result.styles["Normal"].paragraph_format.line_spacing = 1.5
+    result.paragraphs[1].style = result.styles["List Bullet"]  # it is based on Normal
+    assert first_of(result).spacing == 1.5
+    result.paragraphs[1].paragraph_format.line_spacing = 2.0
+    assert first_of(result).spacing == 2.0
 
 
 def test_line_spacing_in_points_is_not_one_in_lines() -> None:
-    made = made_text()
-    made.paragraphs[1].paragraph_format.line_spacing = Pt(24)  # stored as the number of two lines
-    assert first_of(made).spacing == 0.0
+    result = made_text()
+    result.paragraphs[1].paragraph_format.line_spacing = Pt(24)  # stored as the number of two lines
+    assert first_of(result).spacing == 0.0
 
 
 def test_a_mark_counts_if_it_shows() -> None:
@@ -161,29 +161,29 @@ def test_a_mark_counts_if_it_shows() -> None:
         ("vertAlign", {"val": "baseline"}, False),
         ("color", {"val": "auto"}, False),
     )
-    made = documents.document("Title", ["text"] * len(cases))
-    for paragraph, (mark, attributes, _) in zip(made.paragraphs[1:], cases, strict=True):
+    result = documents.document("Title", ["text"] * len(cases))
+    for paragraph, (mark, attributes, _) in zip(result.paragraphs[1:], cases, strict=True):
         element = OxmlElement(f"w:{mark}")
         for key, value in attributes.items():
             element.set(qn(f"w:{key}"), value)
         paragraph.runs[0]._r.get_or_add_rPr().append(element)
         paragraph.add_run(" ").font.superscript = True  # nobody sees it of a space
-    read = documents.read_text(dump(made)).paragraphs[1:]
-    wanted = [(mark,) if is_seen else () for mark, _, is_seen in cases]
-    assert [paragraph.marks for paragraph in read] == wanted
+    read = documents.read_text(dump(result)).paragraphs[1:]
+    expected = [(mark,) if is_seen else () for mark, _, is_seen in cases]
+    assert [paragraph.marks for paragraph in read] == expected
 
 
 def test_size_and_colour_count_with_their_values() -> None:
-    made = made_text()
-    font = made.paragraphs[1].runs[0].font
+    result = made_text()
+    font = result.paragraphs[1].runs[0].font
     font.size = Pt(14)
     font.color.rgb = RGBColor(255, 0, 0)
-    assert first_of(made).marks == ("color FF0000", "sz 28")
+    assert first_of(result).marks == ("color FF0000", "sz 28")
 
 
 def test_pictures_count_once_though_a_file_holds_them_twice() -> None:
-    made = made_text()
-    run = made.paragraphs[1].runs[0]
+    result = made_text()
+    run = result.paragraphs[1].runs[0]
     picture = io.BytesIO()
     Image.new("RGB", (8, 8)).save(picture, "PNG")
     run.add_picture(picture)
@@ -194,48 +194,48 @@ def test_pictures_count_once_though_a_file_holds_them_twice() -> None:
         "<mc:Fallback><w:pict/></mc:Fallback></mc:AlternateContent>"
     )
     run._r.append(parse_xml(twice))
-    now = documents.read_text(dump(made))
+    now = documents.read_text(dump(result))
     assert now.pictures == 3
     assert list(documents.text_changes(now, text_before())) == ["the pictures are 3, not 0"]
 
 
 def test_what_a_list_puts_before_its_items_is_read() -> None:
-    made = made_text()
-    for paragraph in made.paragraphs[1:]:
-        paragraph.style = made.styles["List Number"]
-    made.paragraphs[2]._p.get_or_add_pPr().get_or_add_numPr()._add_numId().val = 0
-    _, item, taken_out = documents.read_text(dump(made)).paragraphs
+    result = made_text()
+    for paragraph in result.paragraphs[1:]:
+        paragraph.style = result.styles["List Number"]
+    result.paragraphs[2]._p.get_or_add_pPr().get_or_add_numPr()._add_numId().val = 0
+    _, item, taken_out = documents.read_text(dump(result)).paragraphs
     assert (item.marker, taken_out.marker) == ("decimal", "")
 
 
 def test_a_list_that_the_document_does_not_define_is_none() -> None:
-    made = made_text()
-    made.paragraphs[1]._p.get_or_add_pPr().get_or_add_numPr()._add_numId().val = 3
-    rels = made.part.rels
+    result = made_text()
+    result.paragraphs[1]._p.get_or_add_pPr().get_or_add_numPr()._add_numId().val = 3
+    rels = result.part.rels
     for key in [key for key in rels if rels[key].reltype == RELATIONSHIP_TYPE.NUMBERING]:
         del rels[key]
-    assert first_of(made).marker == ""
+    assert first_of(result).marker == ""
 
 
 def test_what_comes_after_a_table_is_what_comes_after_the_last_one() -> None:
-    made = made_text()
+    result = made_text()
     assert text_before().after_table == ""
-    made.add_table(1, 1)
-    made.add_paragraph("between")
-    made.add_table(1, 1)
-    assert documents.read_text(dump(made)).after_table == ""
-    made.add_paragraph("one")
-    made.add_paragraph("two")
-    assert documents.read_text(dump(made)).after_table == "one\ntwo"
+    result.add_table(1, 1)
+    result.add_paragraph("between")
+    result.add_table(1, 1)
+    assert documents.read_text(dump(result)).after_table == ""
+    result.add_paragraph("one")
+    result.add_paragraph("two")
+    assert documents.read_text(dump(result)).after_table == "one\ntwo"
 
 
 def test_pages_that_were_turned_have_their_sides_changed() -> None:
-    made = made_text()
-    section = made.sections[0]
+    result = made_text()
+    section = result.sections[0]
     section.orientation = WD_ORIENT.LANDSCAPE
     section.page_width, section.page_height = section.page_height, section.page_width
-    found = documents.read_text(dump(made))
-    assert (found.landscape, found.sizes) == ((True,), ((11.0, 8.5),))
+    text = documents.read_text(dump(result))
+    assert (text.landscape, text.sizes) == ((True,), ((11.0, 8.5),))
 
 
 def test_only_the_paragraph_with_the_whole_text_is_changed() -> None:

@@ -33,11 +33,11 @@ from online_env.tasks.kit.trash import move_to_trash, take_out, trashed_files
 @pytest.fixture
 def machine(tmp_path: Path) -> Machine:
     """A home folder with two files, noted."""
-    made = Machine(FolderDesktop(tmp_path))
-    made.write("in/a.txt", "one\n")
-    made.write("in/sub/b.txt", "two\n")
-    made.remember()
-    return made
+    result = Machine(FolderDesktop(tmp_path))
+    result.write("in/a.txt", "one\n")
+    result.write("in/sub/b.txt", "two\n")
+    result.remember()
+    return result
 
 
 NOBODY = 65534
@@ -58,11 +58,11 @@ def unprivileged() -> Iterator[Machine]:
     """A home folder with a script, for a user whom modes bind, noted."""
     with tempfile.TemporaryDirectory() as folder:
         os.chown(folder, os.geteuid() or NOBODY, -1)
-        made = Machine(WithoutRights(Path(folder)))
-        made.run("sh", "-c", "mkdir jobs && echo one >jobs/a.sh && echo two >b.txt")
-        made.remember()
-        yield made
-        made.run("chmod", "-R", "u+rwX", "jobs", "b.txt")
+        result = Machine(WithoutRights(Path(folder)))
+        result.run("sh", "-c", "mkdir jobs && echo one >jobs/a.sh && echo two >b.txt")
+        result.remember()
+        yield result
+        result.run("chmod", "-R", "u+rwX", "jobs", "b.txt")
 
 
 @pytest.mark.parametrize(
@@ -118,14 +118,14 @@ def test_a_copy_is_no_move(machine: Machine) -> None:
 def test_another_file_in_the_place_is_told(machine: Machine) -> None:
     machine.write("out/a.txt", "something else\n")
     machine.run("rm", "in/a.txt")
-    found = list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
-    assert found == ["out/a.txt is not the file that was in/a.txt"]
+    items = list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
+    assert items == ["out/a.txt is not the file that was in/a.txt"]
 
 
 def test_a_file_that_never_was_is_told(machine: Machine) -> None:
     machine.write("out/c.txt", "three\n")
-    found = list(arrangement_problems(machine, copied=[("in/c.txt", "out/c.txt")]))
-    assert found == ["out/c.txt is not the file that was in/c.txt"]
+    items = list(arrangement_problems(machine, copied=[("in/c.txt", "out/c.txt")]))
+    assert items == ["out/c.txt is not the file that was in/c.txt"]
 
 
 def test_files_may_change_places(machine: Machine) -> None:
@@ -140,16 +140,16 @@ def test_modes_of_what_was_moved_do_not_count_and_those_of_others_do(machine: Ma
     machine.run("chmod", "600", "out/a.txt")
     assert not list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
     machine.run("chmod", "600", "in/sub/b.txt")
-    found = list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
-    assert found == ["in/sub/b.txt was changed"]
+    items = list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
+    assert items == ["in/sub/b.txt was changed"]
 
 
 def test_a_link_in_the_place_of_a_file_is_not_the_file(machine: Machine) -> None:
     machine.run("mkdir", "out")
     machine.run("mv", "in/a.txt", "in/sub/a.txt")
     machine.run("ln", "-s", "../in/sub/a.txt", "out/a.txt")
-    found = list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
-    assert found == ["in/sub/a.txt was added", "out/a.txt is not the file that was in/a.txt"]
+    items = list(arrangement_problems(machine, [("in/a.txt", "out/a.txt")]))
+    assert items == ["in/sub/a.txt was added", "out/a.txt is not the file that was in/a.txt"]
 
 
 @pytest.mark.parametrize("name", ["[1].txt", "a?.txt", "ü *.txt", "two\nlines.txt", " "])

@@ -23,21 +23,21 @@ LETTER = mail.Letter(to=["oda@mail.test"], subject="Honey", text="Two jars, plea
 @pytest.fixture
 def machine(tmp_path: Path) -> Machine:
     (tmp_path / "home").mkdir()
-    made = Machine(FolderDesktop(tmp_path / "home"), SiteState(tmp_path / "sites"))
-    mail.store(made, ["jun@mail.test"], "Before", "It was there.")
-    mail.store(made, [], "Unfinished", "A draft.", folder="drafts")
-    made.remember()
-    return made
+    result = Machine(FolderDesktop(tmp_path / "home"), SiteState(tmp_path / "sites"))
+    mail.store(result, ["jun@mail.test"], "Before", "It was there.")
+    mail.store(result, [], "Unfinished", "A draft.", folder="drafts")
+    result.remember()
+    return result
 
 
 def test_a_mail_that_a_task_puts_there_is_in_the_inbox(machine: Machine) -> None:
     sender = ("Ada", "ada@mail.test")
     new = mail.message("x1", sender, "Hello", "Hi", "2026-03-01T12:00", starred=True)
     mail.receive(machine, new)
-    found = site.received(machine.sites.read("mail"))
-    dates = [one["date"] for one in found]
+    result = site.received(machine.sites.read("mail"))
+    dates = [item["date"] for item in result]
     assert dates == sorted(dates, reverse=True)
-    added = next(one for one in found if one["id"] == "x1")
+    added = next(item for item in result if item["id"] == "x1")
     assert (added["folder"], added["starred"], added["read"]) == ("inbox", True, False)
 
 

@@ -30,10 +30,10 @@ ROWS = [("Item", "Price"), ("lamp", 2.5), ("rope", 4)]
 
 
 def made_book(**cells):
-    made = sheets.book({"Stock": ROWS, "Other": [("Only",)]})
+    result = sheets.book({"Stock": ROWS, "Other": [("Only",)]})
     for address, value in cells.items():
-        made["Stock"][address] = value
-    return made
+        result["Stock"][address] = value
+    return result
 
 
 def content(made) -> sheets.BookContent:
@@ -41,20 +41,20 @@ def content(made) -> sheets.BookContent:
 
 
 def test_a_workbook_is_read_as_it_was_made() -> None:
-    found = content(made_book())
-    assert found.sheets == ("Stock", "Other")
-    assert found.values("Stock")["B2"] == 2.5
-    assert found.values("Other") == {"A1": "Only"}
-    assert found.cells["Stock", "A1"].marks == ("bold",)
-    assert found.cells["Stock", "A2"].marks == ()
-    assert found.value("Z9") is None
+    result = content(made_book())
+    assert result.sheets == ("Stock", "Other")
+    assert result.values("Stock")["B2"] == 2.5
+    assert result.values("Other") == {"A1": "Only"}
+    assert result.cells["Stock", "A1"].marks == ("bold",)
+    assert result.cells["Stock", "A2"].marks == ()
+    assert result.value("Z9") is None
 
 
 def test_a_formula_has_a_value_only_if_one_was_stored() -> None:
     data = dump(made_book(B4="=SUM(B2:B3)"))
     assert sheets.read_book(data).value("B4") is None
-    found = sheets.read_book(sheets.with_values(data, {"B4": 6.5}))
-    assert (found.entry("B4"), found.value("B4")) == ("=SUM(B2:B3)", 6.5)
+    book = sheets.read_book(sheets.with_values(data, {"B4": 6.5}))
+    assert (book.entry("B4"), book.value("B4")) == ("=SUM(B2:B3)", 6.5)
 
 
 def test_changes_names_the_cell_and_leaves_out_what_may_differ() -> None:
@@ -79,33 +79,33 @@ def test_changes_sees_formats_freezing_hiding_and_sheets() -> None:
         lambda book: book.create_sheet("New"),
         lambda book: book.remove(book["Other"]),
     ):
-        made = made_book()
-        change(made)
-        assert list(sheets.changes(content(made), before)) != []
+        result = made_book()
+        change(result)
+        assert list(sheets.changes(content(result), before)) != []
 
 
 def test_the_format_of_numbers_does_not_count_where_a_text_is() -> None:
-    made = made_book()
-    made["Stock"]["B1"].number_format = "0%"
-    assert list(sheets.changes(content(made), content(made_book()))) == []
+    result = made_book()
+    result["Stock"]["B1"].number_format = "0%"
+    assert list(sheets.changes(content(result), content(made_book()))) == []
 
 
 def test_frozen_is_where_the_view_was_split_and_not_to_where_it_was_scrolled() -> None:
-    made = made_book()
-    made["Stock"].freeze_panes = "A2"
-    view = made["Stock"].sheet_view
+    result = made_book()
+    result["Stock"].freeze_panes = "A2"
+    view = result["Stock"].sheet_view
     view.pane.topLeftCell = "A30"
     view.topLeftCell = "C1"
-    assert content(made).frozen == {"Stock": "A2", "Other": None}
+    assert content(result).frozen == {"Stock": "A2", "Other": None}
     view.topLeftCell = "A9"  # row 9 is frozen, and not row 1
-    assert content(made).frozen["Stock"] == "A9:A2"
+    assert content(result).frozen["Stock"] == "A9:A2"
     view.pane.state = "split"
-    assert content(made).frozen["Stock"] is None
+    assert content(result).frozen["Stock"] is None
 
 
 def test_a_cell_far_below_is_read_at_once() -> None:
-    found = content(made_book(XFD1048576=1))
-    assert found.values("Stock")["XFD1048576"] == 1
+    result = content(made_book(XFD1048576=1))
+    assert result.values("Stock")["XFD1048576"] == 1
 
 
 @pytest.mark.parametrize(
@@ -132,9 +132,9 @@ def test_cells_that_a_formula_uses(entry: sheets.CellValue, is_used: bool) -> No
 
 def test_a_formula_that_was_entered_for_several_cells_is_in_each_of_them() -> None:
     formula = ArrayFormula("C2:C3", "=B2:B3*2")
-    found = content(made_book(C2=formula, C3=8))
-    assert [found.entry(place) for place in ("C2", "C3")] == ["=B2:B3*2"] * 2
-    assert found.value("C3") == 8
+    result = content(made_book(C2=formula, C3=8))
+    assert [result.entry(place) for place in ("C2", "C3")] == ["=B2:B3*2"] * 2
+    assert result.value("C3") == 8
 
 
 @pytest.mark.parametrize("found", ["2.5", None, True, 2.51])
@@ -144,49 +144,49 @@ def test_what_is_no_number_or_another_one(found: sheets.CellValue) -> None:
 
 
 def test_a_text_is_read_as_it_was_made() -> None:
-    found = documents.read_text(dump(documents.document("Title of it", ["One.", "Two.", ""])))
-    assert [paragraph.text for paragraph in found.paragraphs] == ["Title of it", "One.", "Two."]
-    assert [paragraph.style for paragraph in found.paragraphs] == ["Title", "Normal", "Normal"]
-    assert found.landscape == (False,)
-    assert found.sizes == ((8.5, 11.0),)
+    text = documents.read_text(dump(documents.document("Title of it", ["One.", "Two.", ""])))
+    assert [paragraph.text for paragraph in text.paragraphs] == ["Title of it", "One.", "Two."]
+    assert [paragraph.style for paragraph in text.paragraphs] == ["Title", "Normal", "Normal"]
+    assert text.landscape == (False,)
+    assert text.sizes == ((8.5, 11.0),)
 
 
 def test_a_text_shows_bold_parts_list_items_tables_and_headers() -> None:
-    made = documents.document("T", ["One.", "Two."])
-    made.paragraphs[1].add_run(" bold").bold = True
-    made.paragraphs[1].add_run(" ")
-    made.paragraphs[1].add_run("words").style = made.styles["Strong"]
-    made.paragraphs[1].add_run(" plain").bold = False
-    made.paragraphs[2].style = made.styles["List Bullet"]
-    made.sections[0].footer.paragraphs[0].text = "page"
-    made.add_table(1, 2).cell(0, 1).text = "x"
-    made.add_paragraph("below")
-    found = documents.read_text(dump(made))
-    assert found.paragraphs[1].bold == ("bold words",)
-    assert [paragraph.marker for paragraph in found.paragraphs] == ["", "", "bullet", ""]
-    assert (found.headers, found.footers) == (("",), ("page",))
-    assert found.tables == ((("", "x"),),)
-    assert found.after_table == "below"
+    result = documents.document("T", ["One.", "Two."])
+    result.paragraphs[1].add_run(" bold").bold = True
+    result.paragraphs[1].add_run(" ")
+    result.paragraphs[1].add_run("words").style = result.styles["Strong"]
+    result.paragraphs[1].add_run(" plain").bold = False
+    result.paragraphs[2].style = result.styles["List Bullet"]
+    result.sections[0].footer.paragraphs[0].text = "page"
+    result.add_table(1, 2).cell(0, 1).text = "x"
+    result.add_paragraph("below")
+    text = documents.read_text(dump(result))
+    assert text.paragraphs[1].bold == ("bold words",)
+    assert [paragraph.marker for paragraph in text.paragraphs] == ["", "", "bullet", ""]
+    assert (text.headers, text.footers) == (("",), ("page",))
+    assert text.tables == ((("", "x"),),)
+    assert text.after_table == "below"
 
 
 def test_a_text_is_read_as_it_was_typed() -> None:
-    made = documents.document("T", ["Ada O\u2019Neill said \u201cno\u201d. "])
-    jc = made.paragraphs[1]._p.get_or_add_pPr()._add_jc()
+    result = documents.document("T", ["Ada O\u2019Neill said \u201cno\u201d. "])
+    jc = result.paragraphs[1]._p.get_or_add_pPr()._add_jc()
     jc.set(documents._WORD + "val", "start")  # LibreOffice's other docx
-    found = documents.read_text(dump(made))
-    assert found.paragraphs[1].text == 'Ada O\'Neill said "no".'
-    assert found.paragraphs[1].alignment == ""
+    text = documents.read_text(dump(result))
+    assert text.paragraphs[1].text == 'Ada O\'Neill said "no".'
+    assert text.paragraphs[1].alignment == ""
 
 
 @pytest.mark.parametrize("mark", ["italic", "underline", "strike", "superscript"])
 def test_text_changes_sees_what_else_was_done_to_letters(mark: str) -> None:
     before = documents.read_text(dump(documents.document("T", ["One."])))
-    made = documents.document("T", ["One."])
-    font = made.paragraphs[1].runs[0].font
+    result = documents.document("T", ["One."])
+    font = result.paragraphs[1].runs[0].font
     setattr(font, mark, False)
-    assert list(documents.text_changes(documents.read_text(dump(made)), before)) == []
+    assert list(documents.text_changes(documents.read_text(dump(result)), before)) == []
     setattr(font, mark, True)
-    assert len(list(documents.text_changes(documents.read_text(dump(made)), before))) == 1
+    assert len(list(documents.text_changes(documents.read_text(dump(result)), before))) == 1
 
 
 def test_text_changes_says_what_differs() -> None:
@@ -204,24 +204,24 @@ def test_text_changes_says_what_differs() -> None:
 
 
 def test_slides_are_read_as_they_were_made() -> None:
-    made = slides.presentation([("A", "one\ntwo"), ("B", "")])
-    made.slides[1].notes_slide.notes_text_frame.text = "slowly"
-    slides.order_slides(made, [1, 0])
-    assert slides.read_slides(dump(made)) == (
+    result = slides.presentation([("A", "one\ntwo"), ("B", "")])
+    result.slides[1].notes_slide.notes_text_frame.text = "slowly"
+    slides.order_slides(result, [1, 0])
+    assert slides.read_slides(dump(result)) == (
         slides.SlideContent(title="B", notes="slowly"),
         slides.SlideContent(title="A", texts=("one\ntwo",)),
     )
 
 
 def test_slides_show_what_was_put_on_them_and_whether_they_are_hidden() -> None:
-    made = slides.presentation([("Ada O\u2019Neill ", "one \n"), ("B", "two"), ("C", "")])
-    made.slides[0].shapes.add_shape(1, 0, 0, 9, 9)
-    made.slides[1]._element.set("show", "0")
-    made.slides[1].placeholders[1].text_frame.paragraphs[0].runs[0].font.italic = True
-    fill = made.slides[2].background.fill
+    result = slides.presentation([("Ada O\u2019Neill ", "one \n"), ("B", "two"), ("C", "")])
+    result.slides[0].shapes.add_shape(1, 0, 0, 9, 9)
+    result.slides[1]._element.set("show", "0")
+    result.slides[1].placeholders[1].text_frame.paragraphs[0].runs[0].font.italic = True
+    fill = result.slides[2].background.fill
     fill.solid()
     fill.fore_color.theme_color = 5
-    assert slides.read_slides(dump(made)) == (
+    assert slides.read_slides(dump(result)) == (
         slides.SlideContent(title="Ada O'Neill", texts=("one",), shapes=1),
         slides.SlideContent(title="B", texts=("two",), marks=("italic",), hidden=True),
         slides.SlideContent(title="C", background="of a theme"),
@@ -229,12 +229,12 @@ def test_slides_show_what_was_put_on_them_and_whether_they_are_hidden() -> None:
 
 
 def test_the_icon_that_impress_saves_for_an_empty_place_is_no_picture() -> None:
-    made = slides.presentation([("A", "one")])
+    result = slides.presentation([("A", "one")])
     for size, name in ((slides.PLACE_ICON, ""), (slides.PLACE_ICON, "Icon"), ((90, 71), "")):
         picture = io.BytesIO()
         Image.new("RGB", size).save(picture, "PNG")
-        made.slides[0].shapes.add_picture(picture, 0, 0).name = name
-    (read,) = slides.read_slides(dump(made))
+        result.slides[0].shapes.add_picture(picture, 0, 0).name = name
+    (read,) = slides.read_slides(dump(result))
     assert read.shapes == 2
 
 
@@ -250,9 +250,9 @@ def test_slide_changes_says_what_differs() -> None:
 def test_a_result_that_cannot_be_read_is_a_problem_and_no_error(tmp_path, data: bytes) -> None:
     if data.startswith(b"zip"):
         stream = io.BytesIO()
-        with zipfile.ZipFile(stream, "w") as other:
+        with zipfile.ZipFile(stream, "w") as zip_file:
             name = "content.xml" if data.endswith(b"kind") else "[Content_Types].xml"
-            other.writestr(name, "<a/>" if data.endswith(b"kind") else "<a>")
+            zip_file.writestr(name, "<a/>" if data.endswith(b"kind") else "<a>")
         data = stream.getvalue()
     for name in ("sum_column", "style_heading", "add_slide"):
         task = get(name)

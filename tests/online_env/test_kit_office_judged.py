@@ -34,9 +34,9 @@ def book_before() -> sheets.BookContent:
 
 def book_changes(change: Callable[[Any], object], *but: str, **options: bool) -> list[str]:
     """Return what is told of a workbook in which something was changed."""
-    made = made_book()
-    change(made)
-    return list(sheets.changes(sheets.read_book(dump(made)), book_before(), but, **options))
+    result = made_book()
+    change(result)
+    return list(sheets.changes(sheets.read_book(dump(result)), book_before(), but, **options))
 
 
 # Workbooks
@@ -92,10 +92,10 @@ def test_a_sheet_that_may_be_there_excuses_nothing_else(place: int) -> None:
     ],
 )
 def test_what_was_done_to_the_look_of_a_cell_is_read(look: dict[str, Any], mark: str) -> None:
-    made = made_book()
+    result = made_book()
     for name, value in look.items():
-        setattr(made["Stock"]["A2"], name, value)
-    assert sheets.read_book(dump(made)).cells["Stock", "A2"].marks == (mark,)
+        setattr(result["Stock"]["A2"], name, value)
+    assert sheets.read_book(dump(result)).cells["Stock", "A2"].marks == (mark,)
 
 
 @pytest.mark.parametrize(
@@ -117,23 +117,23 @@ def test_numbers_are_as_exact_as_they_are_stored(
 
 
 def test_a_formula_for_a_whole_column_takes_no_room_for_its_empty_cells() -> None:
-    made = made_book()
-    made["Stock"]["C1"] = ArrayFormula("C1:C1048576", "=B1:B1048576*2")
-    made["Stock"]["C3"] = 8
-    data = dump(made)
+    result = made_book()
+    result["Stock"]["C1"] = ArrayFormula("C1:C1048576", "=B1:B1048576*2")
+    result["Stock"]["C3"] = 8
+    data = dump(result)
     tracemalloc.start()
-    found = sheets.read_book(data)
+    book = sheets.read_book(data)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 2**24
-    assert (found.entry("C1"), found.entry("C3")) == ("=B1:B1048576*2",) * 2
-    assert found.entry("C2") is None
+    assert (book.entry("C1"), book.entry("C3")) == ("=B1:B1048576*2",) * 2
+    assert book.entry("C2") is None
 
 
 def test_cells_of_other_sheets_are_asked_for_by_name() -> None:
-    found = book_before()
-    assert (found.value("A1"), found.value("A1", "Other")) == ("Item", "Only")
-    assert (found.entry("B2"), found.entry("B2", "Other")) == (2.5, None)
+    result = book_before()
+    assert (result.value("A1"), result.value("A1", "Other")) == ("Item", "Only")
+    assert (result.entry("B2"), result.entry("B2", "Other")) == (2.5, None)
 
 
 # Slides
@@ -150,9 +150,9 @@ def slides_before() -> tuple[slides.SlideContent, ...]:
 
 def slide_changes(change: Callable[[Any], object]) -> list[str]:
     """Return what is told of slides of which the second was changed."""
-    made = made_slides()
-    change(made.slides[1])
-    return list(slides.slide_changes(slides.read_slides(dump(made)), slides_before()))
+    result = made_slides()
+    change(result.slides[1])
+    return list(slides.slide_changes(slides.read_slides(dump(result)), slides_before()))
 
 
 def first_run(slide: Any) -> Any:
@@ -199,13 +199,13 @@ def test_a_bold_space_changes_nothing_that_shows() -> None:
 
 def test_the_number_of_slides_counts_even_where_titles_do_not() -> None:
     before = slides_before()
-    other = replace(before[0], title="other")
-    assert list(slides.slide_changes((other, before[1]), before, {"title"})) == []
-    found = list(slides.slide_changes(before[:1], before, {"title"}))
-    assert found == ["there are 1 slides, not 2"]
+    second = replace(before[0], title="other")
+    assert list(slides.slide_changes((second, before[1]), before, {"title"})) == []
+    items = list(slides.slide_changes(before[:1], before, {"title"}))
+    assert items == ["there are 1 slides, not 2"]
 
 
 def test_slides_are_put_in_order_and_left_out() -> None:
-    made = slides.presentation([("A", ""), ("B", ""), ("C", "")])
-    slides.order_slides(made, [2, 0])
-    assert [slide.title for slide in slides.read_slides(dump(made))] == ["C", "A"]
+    result = slides.presentation([("A", ""), ("B", ""), ("C", "")])
+    slides.order_slides(result, [2, 0])
+    assert [slide.title for slide in slides.read_slides(dump(result))] == ["C", "A"]

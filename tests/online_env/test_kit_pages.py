@@ -48,9 +48,9 @@ def test_an_item_of_a_menu_is_clicked_by_its_place() -> None:
 
 def test_what_is_ticked_is_not_clicked() -> None:
     ticked, empty = node("check-box", "Yes", "checked"), node("check-box", "Yes")
-    done = Pages([tree(ticked)])
-    pages.tick(Hand(done, 1), "check-box", "Yes")
-    assert done.ran == []
+    result = Pages([tree(ticked)])
+    pages.tick(Hand(result, 1), "check-box", "Yes")
+    assert result.ran == []
     new = Pages([tree(empty), tree(ticked)])
     pages.tick(Hand(new, 1), "check-box", "Yes")
     assert new.ran == ["pyautogui.click(140, 250)"]
@@ -60,10 +60,10 @@ def test_what_is_ticked_is_not_clicked() -> None:
 
 
 def test_what_was_ticked_by_accident_is_cleared_and_nothing_else() -> None:
-    other = node("check-box", "Other", "checked")
+    second = node("check-box", "Other", "checked")
     ticked, empty = node("check-box", "Yes", "checked"), node("check-box", "Yes")
     off = node("check-box", "No")
-    desktop = Pages([tree(other, ticked, off), tree(other, empty, off)])
+    desktop = Pages([tree(second, ticked, off), tree(second, empty, off)])
     pages.untick(Hand(desktop, 1), "check-box", {"Yes", "No"})
     assert desktop.ran == ["pyautogui.click(140, 250)"]
     dead = Pages([tree(ticked)])
@@ -87,16 +87,16 @@ def test_a_visit_waits_for_the_page() -> None:
 
 def test_fields_are_entered_with_the_tab_key_between_them(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(browser, "_TABBING", 0.0)
-    name, there = node("entry", "Name", "focused"), node("entry", "Name")
+    name, result = node("entry", "Name", "focused"), node("entry", "Name")
     country = node("combo-box", "Country", "focused")
     values = {"Name": "Zoë", "Country": "Norway"}
     first = ["pyautogui.click(140, 250)", "pyautogui.hotkey('ctrl', 'a')"]
     typed = [r"pyautogui.write('Zoë\t')", r"pyautogui.write('Norway\t')"]
-    desktop = Pages([tree(there), tree(name), tree(name), tree(country)])
+    desktop = Pages([tree(result), tree(name), tree(name), tree(country)])
     browser.enter_in_turn(Hand(desktop, 1), values)
     assert desktop.ran == [*first, *typed]
     # The focus went elsewhere: the next field is clicked, a list by its label.
     away = tree(node("combo-box", "Country"), node("static", "Country"))
-    desktop = Pages([tree(there), tree(name), tree(name), away, tree(country)])
+    desktop = Pages([tree(result), tree(name), tree(name), away, tree(country)])
     browser.enter_in_turn(Hand(desktop, 1), values)
     assert desktop.ran == [*first, typed[0], "pyautogui.click(140, 250)", typed[1]]

@@ -49,21 +49,21 @@ def test_the_same_picture_in_another_mode_is_right(machine, drawing):
 )
 def test_what_differs_is_named(machine, drawing, change, problem):
     machine.write("a.png", change(drawing))
-    found = list(gimp.picture_problems(machine, "a.png", drawing))
-    assert len(found) == 1
-    assert problem in found[0]
+    items = list(gimp.picture_problems(machine, "a.png", drawing))
+    assert len(items) == 1
+    assert problem in items[0]
 
 
 def test_a_missing_picture_is_a_problem(machine, drawing):
-    found = list(gimp.picture_problems(machine, "a.png", drawing))
-    assert found == ["there is no picture a.png"]
+    items = list(gimp.picture_problems(machine, "a.png", drawing))
+    assert items == ["there is no picture a.png"]
 
 
 def test_the_quality_of_a_jpeg_file_is_read(machine, drawing):
     machine.write("a.jpg", gimp.encode(drawing, "JPEG", 61))
-    found = gimp.read_picture(machine, "a.jpg")
-    assert found is not None
-    assert [quality for quality in range(55, 70) if gimp.has_quality(found, quality)] == [61]
+    picture = gimp.read_picture(machine, "a.jpg")
+    assert picture is not None
+    assert [quality for quality in range(55, 70) if gimp.has_quality(picture, quality)] == [61]
 
 
 def test_a_picture_that_is_no_jpeg_has_no_quality(drawing):
@@ -98,12 +98,14 @@ def test_every_way_to_weigh_colours_gives_shades_of_grey(machine, drawing, way):
 )
 def test_what_is_no_grey_version_is_named(machine, drawing, change, problem):
     machine.write("a.png", gimp.encode(change(drawing)))
-    assert any(problem in told for told in gimp.grey_problems(machine, "a.png", drawing))
+    assert any(
+        problem in grey_problem for grey_problem in gimp.grey_problems(machine, "a.png", drawing)
+    )
 
 
 def test_no_picture_is_no_grey_version(machine, drawing):
-    found = list(gimp.grey_problems(machine, "a.png", drawing))
-    assert found == ["there is no picture a.png"]
+    items = list(gimp.grey_problems(machine, "a.png", drawing))
+    assert items == ["there is no picture a.png"]
 
 
 def test_a_dab_of_the_brush_is_seen(machine, drawing):
@@ -130,9 +132,9 @@ def test_a_picture_of_an_unusual_mode_is_compared_all_the_same(machine, mode):
     black = Image.new("L", (8, 8))
     white = Image.new("RGB", (8, 8), "white")
     machine.write("a.png", gimp.encode(black.convert(mode)))
-    found = list(gimp.picture_problems(machine, "a.png", white))
-    assert found == ["a.png looks different: colours are off by 255.0 of 255"]
-    assert list(gimp.grey_problems(machine, "a.png", white)) == found
+    items = list(gimp.picture_problems(machine, "a.png", white))
+    assert items == ["a.png looks different: colours are off by 255.0 of 255"]
+    assert list(gimp.grey_problems(machine, "a.png", white)) == items
 
 
 # The dialog for the size of the canvas
@@ -148,8 +150,8 @@ CHAIN = node("push-button", at=(160, 200), size=(10, 50))
 def test_the_canvas_is_set_field_by_field(monkeypatch):
     monkeypatch.setattr(hand_module, "PAUSE", 0.001)
     button = node("push-button", "Resize", "sensitive", at=(300, 500))
-    shown, closed = tree("gimp", DIALOG, *FIELDS, CHAIN, button), tree("gimp", node("frame", "a"))
-    desktop = Trees([*[shown] * 13, closed])  # three actions for each field, and the button
+    result, closed = tree("gimp", DIALOG, *FIELDS, CHAIN, button), tree("gimp", node("frame", "a"))
+    desktop = Trees([*[result] * 13, closed])  # three actions for each field, and the button
     gimp.set_canvas(Hand(desktop, 1), 580, 321, -200, 0)
     assert desktop.ran[:12:3] == [
         f"pyautogui.doubleClick(130, {210 + 30 * row})" for row in range(4)

@@ -21,30 +21,30 @@ def machine(tmp_path):
 
 def heard(machine, data):
     machine.write("a.wav", data)
-    found = recordings.sound(machine, "a.wav")
-    assert found is not None
-    return found
+    result = recordings.sound(machine, "a.wav")
+    assert result is not None
+    return result
 
 
 @pytest.mark.parametrize("form", [(1, 8000), recordings.CD])
 def test_a_melody_is_recognised_at_any_rate(machine, form):
-    found = heard(machine, recordings.wav_file(TUNE, *form))
-    assert (found.channels, found.rate) == form
-    assert list(recordings.melody_problems(found, TUNE)) == []
+    result = heard(machine, recordings.wav_file(TUNE, *form))
+    assert (result.channels, result.rate) == form
+    assert list(recordings.melody_problems(result, TUNE)) == []
 
 
 def test_another_melody_and_a_shorter_one_are_not(machine):
     whole = heard(machine, recordings.wav_file(TUNE))
-    other = [*TUNE[:-1], TUNE[-1] * 2 ** (2 / 12)]
-    (problem,) = recordings.melody_problems(whole, other)
+    second = [*TUNE[:-1], TUNE[-1] * 2 ** (2 / 12)]
+    (problem,) = recordings.melody_problems(whole, second)
     assert problem.startswith("note 8 has ")
     short = heard(machine, recordings.wav_file(TUNE[:4]))
     assert list(recordings.melody_problems(short, TUNE)) == ["it is 8.0 s long, not 16 s"]
 
 
 def test_a_file_that_ends_within_a_sample_is_heard_so_far(machine):
-    found = heard(machine, recordings.wav_file(TUNE)[:-1])
-    assert len(found.samples) == len(TUNE) * recordings.NOTE * found.rate - 1
+    result = heard(machine, recordings.wav_file(TUNE)[:-1])
+    assert len(result.samples) == len(TUNE) * recordings.NOTE * result.rate - 1
 
 
 @pytest.mark.parametrize("data", [b"", b"RIFF", b"no sound at all"])
@@ -63,8 +63,8 @@ def test_a_film_shows_each_scene_for_its_time(tmp_path):
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 3 * recordings.SCENE * 5
     for place, scene in enumerate(scenes):
         film.set(cv2.CAP_PROP_POS_MSEC, 1000 * (place + 0.5) * recordings.SCENE)
-        shown = Image.fromarray(film.read()[1][:, :, ::-1])
-        assert gimp.difference(shown, scene) < 3
+        result = Image.fromarray(film.read()[1][:, :, ::-1])
+        assert gimp.difference(result, scene) < 3
     film.release()
 
 

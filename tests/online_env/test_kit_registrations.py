@@ -34,31 +34,31 @@ def test_the_site_accepts_whoever_is_drawn(seed: int) -> None:
 
 
 def test_registrations_are_judged_in_whatever_order(machine: Machine) -> None:
-    one, two = registrations.people(Stream(1, "test"), 2)
-    registrations.store(machine, two, one)
+    value, two = registrations.people(Stream(1, "test"), 2)
+    registrations.store(machine, two, value)
     assert [entry["number"] for entry in registrations.read_registrations(machine)] == [1001, 1002]
-    assert list(registrations.registration_problems(machine, one, two)) == []
-    assert list(registrations.registration_problems(machine, one)) == [
+    assert list(registrations.registration_problems(machine, value, two)) == []
+    assert list(registrations.registration_problems(machine, value)) == [
         "2 registrations hold, not 1"
     ]
-    registrations.store(machine, {**one, "notes": "other"}, two)
-    (problem,) = registrations.registration_problems(machine, one, two)
-    assert problem == f"notes is 'other', not {one['notes']!r}"
+    registrations.store(machine, {**value, "notes": "other"}, two)
+    (problem,) = registrations.registration_problems(machine, value, two)
+    assert problem == f"notes is 'other', not {value['notes']!r}"
 
 
 def test_how_somebody_types_does_not_count(machine: Machine) -> None:
-    one, two = registrations.people(Stream(1, "test"), 2)
-    typed = {key: one[key].upper() + " " for key in ("name", "email", "notes")}
-    registrations.store(machine, {**one, **typed}, two)
-    assert list(registrations.registration_problems(machine, one, two)) == []
+    value, two = registrations.people(Stream(1, "test"), 2)
+    typed = {key: value[key].upper() + " " for key in ("name", "email", "notes")}
+    registrations.store(machine, {**value, **typed}, two)
+    assert list(registrations.registration_problems(machine, value, two)) == []
 
 
 def test_a_cancelled_registration_does_not_hold(machine: Machine) -> None:
-    one, two = registrations.people(Stream(1, "test"), 2)
-    registrations.store(machine, {**one, "cancelled": True}, two)
+    value, two = registrations.people(Stream(1, "test"), 2)
+    registrations.store(machine, {**value, "cancelled": True}, two)
     assert registrations.cancelled_numbers(machine) == [1001]
     assert list(registrations.registration_problems(machine, two)) == []
-    assert list(registrations.registration_problems(machine, one, two)) == [
+    assert list(registrations.registration_problems(machine, value, two)) == [
         "1 registrations hold, not 2"
     ]
 

@@ -25,11 +25,11 @@ LINES = {"mug": 2, "kettle": 1}
 @pytest.fixture
 def machine(tmp_path: Path) -> Machine:
     (tmp_path / "home").mkdir()
-    made = Machine(FolderDesktop(tmp_path / "home"), SiteState(tmp_path / "sites"))
-    shop.order(made, {"pan": 1}, PERSON)
-    shop.fill(made, {"scarf": 1})
-    made.remember()
-    return made
+    result = Machine(FolderDesktop(tmp_path / "home"), SiteState(tmp_path / "sites"))
+    shop.order(result, {"pan": 1}, PERSON)
+    shop.fill(result, {"scarf": 1})
+    result.remember()
+    return result
 
 
 def test_people_live_where_the_shop_delivers() -> None:
@@ -70,45 +70,45 @@ def test_the_order_of_the_cart_does_not_count(machine: Machine) -> None:
 def test_an_order_that_differs_is_wrong(
     machine: Machine, lines: dict[str, int], changed: dict[str, Any]
 ) -> None:
-    wanted = {"lines": LINES, "delivery": "standard", **PERSON}
+    expected = {"lines": LINES, "delivery": "standard", **PERSON}
     shop.order(machine, lines, PERSON, **changed)
-    assert len(list(shop.problems(machine, cart={}, orders=[wanted]))) == 1
+    assert len(list(shop.problems(machine, cart={}, orders=[expected]))) == 1
 
 
 def test_an_order_too_many_is_wrong_and_one_from_before_stays(machine: Machine) -> None:
     shop.order(machine, LINES, PERSON)
     shop.order(machine, LINES, PERSON)
-    wanted = [{"lines": LINES}]
-    assert list(shop.problems(machine, cart={}, orders=wanted)) == ["2 new orders, not 1"]
+    expected = [{"lines": LINES}]
+    assert list(shop.problems(machine, cart={}, orders=expected)) == ["2 new orders, not 1"]
     with machine.sites.update("shop") as state:
         state["orders"] = state["orders"][1:]
     assert "an order from before was changed" in list(
-        shop.problems(machine, cart={}, orders=wanted)
+        shop.problems(machine, cart={}, orders=expected)
     )
 
 
 def test_how_an_address_was_typed_does_not_count(machine: Machine) -> None:
     typed = {key: f" {value.upper()}  " for key, value in PERSON.items()}
     shop.order(machine, LINES, typed)
-    wanted = {"lines": LINES, **PERSON}
-    assert list(shop.problems(machine, cart={}, orders=[wanted])) == []
-    other = {**wanted, "street": "Elsewhere 1"}
-    assert list(shop.problems(machine, cart={}, orders=[other])) == [
+    expected = {"lines": LINES, **PERSON}
+    assert list(shop.problems(machine, cart={}, orders=[expected])) == []
+    entries = {**expected, "street": "Elsewhere 1"}
+    assert list(shop.problems(machine, cart={}, orders=[entries])) == [
         f"street of the order is {typed['street']!r}"
     ]
 
 
 def test_orders_may_be_placed_in_any_order(machine: Machine) -> None:
-    wanted = [{"lines": {"mug": 1}}, {"lines": {"kettle": 1}}]
+    expected = [{"lines": {"mug": 1}}, {"lines": {"kettle": 1}}]
     shop.order(machine, {"kettle": 1}, PERSON)
     shop.order(machine, {"mug": 1}, PERSON, gift=True)
-    assert list(shop.problems(machine, cart={}, orders=wanted)) == ["gift of the order is True"]
+    assert list(shop.problems(machine, cart={}, orders=expected)) == ["gift of the order is True"]
 
 
 def test_what_is_no_part_of_an_order_is_a_present_or_a_message(machine: Machine) -> None:
     shop.order(machine, LINES, PERSON, gift=True, message="Hello")
-    wanted = {"lines": LINES, "gift": True, "message": "hello"}
-    assert list(shop.problems(machine, cart={}, orders=[wanted])) == []
+    expected = {"lines": LINES, "gift": True, "message": "hello"}
+    assert list(shop.problems(machine, cart={}, orders=[expected])) == []
     assert list(shop.problems(machine, cart={}, orders=[{"lines": LINES}])) == [
         "gift of the order is True",
         "message of the order is 'Hello'",

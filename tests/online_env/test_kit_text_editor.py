@@ -31,12 +31,15 @@ def test_line_ends_do_not_matter(machine, text):
 )
 def test_what_differs_is_named(machine, text, problem):
     machine.write("a.txt", text)
-    assert any(problem in found for found in text_editor.text_problems(machine, "a.txt", WANTED))
+    assert any(
+        problem in text_problem
+        for text_problem in text_editor.text_problems(machine, "a.txt", WANTED)
+    )
 
 
 def test_a_missing_file_is_a_problem(machine):
-    found = list(text_editor.text_problems(machine, "a.txt", WANTED))
-    assert found == ["there is no file a.txt"]
+    items = list(text_editor.text_problems(machine, "a.txt", WANTED))
+    assert items == ["there is no file a.txt"]
 
 
 @pytest.mark.parametrize(

@@ -36,9 +36,9 @@ XSPF = """\
 
 @pytest.fixture
 def machine(tmp_path):
-    found = Machine(FolderDesktop(tmp_path))
-    vlc.prepare(found)
-    return found
+    result = Machine(FolderDesktop(tmp_path))
+    vlc.prepare(result)
+    return result
 
 
 def test_what_vlc_writes_anyway_is_no_change(machine):
@@ -69,16 +69,16 @@ def test_a_setting_that_is_missing_is_vlcs_own(machine):
 
 def test_playlists_are_read_in_both_formats(machine):
     machine.write("Music/a.xspf", XSPF)
-    wanted = ["/home/user/Music/Kraków Waltz.wav", "http://news.test/a.mp3"]
-    assert vlc.playlist(machine, "Music/a.xspf") == wanted
+    expected = ["/home/user/Music/Kraków Waltz.wav", "http://news.test/a.mp3"]
+    assert vlc.playlist(machine, "Music/a.xspf") == expected
     machine.write("Music/a.m3u", "#EXTM3U\n#EXTINF:5,Waltz\na.wav\n\n/home/user/b.wav\n")
     assert vlc.playlist(machine, "Music/a.m3u") == [machine.path("Music/a.wav"), "/home/user/b.wav"]
 
 
 def test_addresses_in_a_playlist_may_begin_at_its_folder(machine):
     machine.write("Music/a.xspf", XSPF.replace("file:///home/user/Music/", ""))
-    found = vlc.playlist(machine, "Music/a.xspf") or []
-    assert found[0] == machine.path("Music/Kraków Waltz.wav")
+    result = vlc.playlist(machine, "Music/a.xspf") or []
+    assert result[0] == machine.path("Music/Kraków Waltz.wav")
 
 
 def test_no_file_and_no_playlist(machine):

@@ -88,10 +88,10 @@ def test_names_of_ours_come_before_folders(
 
 def test_every_seed_is_the_same_task(folder: Path) -> None:
     bench_of(str(folder))
-    one, other = tasks.get("t-one"), tasks.get("t-one", 7)
-    assert one.id == other.id == "t-one"
-    assert one.instruction == other.instruction == "Do t-one."
-    assert (one.apps, one.domain, bool(one.infeasible)) == (("os",), "os", True)
+    result, second = tasks.get("t-one"), tasks.get("t-one", 7)
+    assert result.id == second.id == "t-one"
+    assert result.instruction == second.instruction == "Do t-one."
+    assert (result.apps, result.domain, bool(result.infeasible)) == (("os",), "os", True)
     assert not tasks.get("t-two").infeasible
 
 
@@ -145,9 +145,9 @@ def test_a_file_that_is_no_task_is_named(content: str, problem: str, tmp_path: P
 
 def test_two_files_with_one_id_are_refused(folder: Path, tmp_path: Path) -> None:
     bench_of(str(folder))
-    other = put(tmp_path / "other", "t-one", instruction="Another revision.")
+    second = put(tmp_path / "other", "t-one", instruction="Another revision.")
     with pytest.raises(ParameterError, match="'t-one' is taken"):
-        bench_of(str(other))
+        bench_of(str(second))
 
 
 def test_a_folder_without_tasks_is_refused(tmp_path: Path) -> None:
@@ -232,11 +232,11 @@ def test_the_command_refuses_what_it_cannot_play(
 ) -> None:
     file = folder / "examples" / "os" / "t-one.json"
     needs.osworld_at_default()
-    given = ["--tasks", str(file), *(word.format(file=file) for word in words)]
-    done = CliRunner().invoke(
-        hijack, ["bench", "embedded_small", *given, "--out", str(tmp_path / "run")]
+    options = ["--tasks", str(file), *(word.format(file=file) for word in words)]
+    result = CliRunner().invoke(
+        hijack, ["bench", "embedded_small", *options, "--out", str(tmp_path / "run")]
     )
-    assert problem in str(done.exception)
+    assert problem in str(result.exception)
     assert not (tmp_path / "run").exists()
 
 
@@ -249,9 +249,9 @@ words = {[*command, "--dry-run", "--out", str(tmp_path / "run")]!r}
 hijack(words, standalone_mode=False)
 sys.exit(any(name.startswith("online_env.osworld") for name in sys.modules))
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert (done.returncode, done.stderr) == (0, "")
-    assert "episodes" in done.stdout
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (process.returncode, process.stderr) == (0, "")
+    assert "episodes" in process.stdout
 
 
 def test_only_the_table_of_families_names_the_package() -> None:

@@ -162,9 +162,9 @@ def test_an_episode_goes_on_elsewhere_when_its_machine_dies(osworld, tmp_path) -
         task_file(shelf, f"t-{number}")
     with fake_guests(tmp_path, 2, 5, None) as guests:
         vms = [f"http://{guest.address}" for guest in guests]
-        done = bench(osworld, shelf, vms, "--reset-command", REVERT)
-    assert f"{vms[0]} is taken out: it does not start: the guest gave no" in done.stderr
-    assert "(2 machines left)" in done.stderr
+        result = bench(osworld, shelf, vms, "--reset-command", REVERT)
+    assert f"{vms[0]} is taken out: it does not start: the guest gave no" in result.stderr
+    assert "(2 machines left)" in result.stderr
     lines = (shelf / "run" / "records.jsonl").read_text().splitlines()
     records = [json.loads(line) for line in lines]
     (lost,) = [record for record in records if record["desktop"]["machine"] == vms[1]]
@@ -182,10 +182,10 @@ def test_a_run_without_a_machine_left_says_why(osworld, tmp_path) -> None:
     task_file(shelf, "t-1")
     with fake_guests(tmp_path, None) as (guest,):
         # The command succeeds, and reverts nothing.
-        done = bench(osworld, shelf, [f"http://{guest.address}"], "--reset-command", "true")
-    assert done.returncode == 2
-    assert "no machine is left to play on" in done.stderr, done.stderr[-3000:]
-    assert "was not reverted" in done.stderr
+        result = bench(osworld, shelf, [f"http://{guest.address}"], "--reset-command", "true")
+    assert result.returncode == 2
+    assert "no machine is left to play on" in result.stderr, result.stderr[-3000:]
+    assert "was not reverted" in result.stderr
     records = [
         json.loads(line) for line in (shelf / "run" / "records.jsonl").read_text().splitlines()
     ]
@@ -242,9 +242,9 @@ def test_tasks_that_cannot_be_played_are_listed_and_counted(osworld, tmp_path) -
         assert "t-drive: it needs an account" in refused.stderr
         assert "t-proxy: its sites need OSWorld's proxy" in refused.stderr
         assert "2 of 3 tasks can't be played" in refused.stderr
-        done = bench(osworld, shelf, vms, *words, "--unplayable", "zero")
-    assert done.returncode == 0, done.stderr[-3000:]
-    assert "2 of 3 tasks could not be played and count 0 in every condition" in done.stdout
+        result = bench(osworld, shelf, vms, *words, "--unplayable", "zero")
+    assert result.returncode == 0, result.stderr[-3000:]
+    assert "2 of 3 tasks could not be played and count 0 in every condition" in result.stdout
     report = subprocess.run(
         [*HIJACK, "report", str(shelf / "run"), "--format", "json"],
         capture_output=True,

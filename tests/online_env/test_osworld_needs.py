@@ -61,22 +61,22 @@ def launch(*words: str) -> dict[str, Any]:
     ],
 )
 def test_what_a_task_names_is_needed(given: OsworldTask, needs: Any) -> None:
-    found = list_needs(given)
-    assert found == needs if isinstance(needs, dict) else set(found) == needs
+    result = list_needs(given)
+    assert result == needs if isinstance(needs, dict) else set(result) == needs
 
 
 def test_packages_are_those_of_the_check() -> None:
-    found = list_needs(task(), lambda config: [MISSING] if config["id"] == "a1" else [])
-    assert found == {"packages": MISSING}
+    needs = list_needs(task(), lambda config: [MISSING] if config["id"] == "a1" else [])
+    assert needs == {"packages": MISSING}
 
 
 def test_every_task_that_works_here_needs_nothing_but_files_or_gnomes_settings(
     shared_data: Path,
 ) -> None:
-    found = list_all_needs(load(shared_data / "tasks" / "osworld_verified"))
-    working = [one for one in found if one.tested == "works"]
+    all_needs = list_all_needs(load(shared_data / "tasks" / "osworld_verified"))
+    working = [item for item in all_needs if item.tested == "works"]
     assert len(working) == 41
-    odd = {one.id[:8]: set(one.kinds) for one in working if one.needs}
+    odd = {item.id[:8]: set(item.kinds) for item in working if item.needs}
     assert odd.pop("44ee5668") == {"files", "web"}  # the self-test makes the history itself
     assert set(map(frozenset, odd.values())) == {frozenset({"gnome"})}
 
@@ -84,10 +84,10 @@ def test_every_task_that_works_here_needs_nothing_but_files_or_gnomes_settings(
 def test_the_needs_agree_with_the_groups_that_were_made_by_hand(shared_data: Path) -> None:
     groups = json.loads((shared_data / "tasks" / "feasibility.json").read_text())
     group_of = {task: name for name, pairs in groups.items() for _, task in pairs}
-    found = list_all_needs(load(shared_data / "tasks" / "osworld_verified"))
+    all_needs = list_all_needs(load(shared_data / "tasks" / "osworld_verified"))
     kinds = {name: Counter() for name in groups}
-    for one in found:
-        kinds[group_of[one.id]].update(one.kinds or ["nothing"])
+    for item in all_needs:
+        kinds[group_of[item.id]].update(item.kinds or ["nothing"])
     assert kinds["C_vscode"]["program"] == len(groups["C_vscode"])
     assert kinds["G_gdrive_login"]["account"] == len(groups["G_gdrive_login"])
     assert kinds["B_files_only"]["files"] == len(groups["B_files_only"])
@@ -104,17 +104,17 @@ def test_a_summary_counts_each_task_once(shared_data: Path) -> None:
 
 def test_results_of_another_revision_do_not_count(shared_data: Path) -> None:
     assert json.loads(TESTED.read_text())["revision"].startswith("osworld-verified@")
-    found = list_all_needs(load(shared_data / "tasks" / "osworld_fork"))
-    assert {one.tested for one in found} == {""}
+    all_needs = list_all_needs(load(shared_data / "tasks" / "osworld_fork"))
+    assert {item.tested for item in all_needs} == {""}
 
 
 def test_the_command_says_what_was_not_looked_at(shared_data: Path, tmp_path: Path) -> None:
     folder = str(shared_data / "tasks" / "osworld_verified")
     nowhere = ["--venv", str(tmp_path / "none")]
-    done = CliRunner().invoke(hijack, ["osworld", "needs", folder, *nowhere])
-    assert done.exit_code == 0, done.output
-    assert "packages were not looked at" in done.output
-    assert "  41  self-test: works" in done.output
+    result = CliRunner().invoke(hijack, ["osworld", "needs", folder, *nowhere])
+    assert result.exit_code == 0, result.output
+    assert "packages were not looked at" in result.output
+    assert "  41  self-test: works" in result.output
     listed = CliRunner().invoke(hijack, ["osworld", "needs", folder, *nowhere, "--json"])
     rows = json.loads(listed.output)["tasks"]
     assert len(rows) == 369

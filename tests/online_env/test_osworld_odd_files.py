@@ -238,8 +238,8 @@ def many(tmp_path: Path) -> Path:
 
 
 def test_a_summary_has_what_can_be_met_first_then_the_need_that_decides(tmp_path: Path) -> None:
-    found = list_all_needs(load(many(tmp_path)))
-    assert [(one.id, one.kinds, one.can_be_met) for one in found] == [
+    all_needs = list_all_needs(load(many(tmp_path)))
+    assert [(item.id, item.kinds, item.can_be_met) for item in all_needs] == [
         ("e-gnome", ("program", "gnome"), False),
         ("a-nothing", (), True),
         ("b-nothing", (), True),
@@ -249,7 +249,7 @@ def test_a_summary_has_what_can_be_met_first_then_the_need_that_decides(tmp_path
     ]
     tested = TaskNeeds("g", "os", True, {"web": "b.test"}, "works")
     fetch = "hijack osworld prefetch TASKS --out CACHE, on a connected machine"
-    assert summary([*found, tested, TaskNeeds("h", "os", True, {}, "works")]) == [
+    assert summary([*all_needs, tested, TaskNeeds("h", "os", True, {}, "works")]) == [
         ("self-test: works", 2, ""),
         ("nothing", 2, "hijack osworld check TASKS"),
         ("files", 1, fetch),
@@ -277,9 +277,9 @@ def test_the_files_of_tasks_that_work_are_listed_as_bench_takes_them(
     record = tmp_path / "selftest.json"
     record.write_text(json.dumps({"revision": str(tasks.revision), "tasks": rows}))
     monkeypatch.setattr(task_needs, "TESTED", record)
-    done = needs_command(tmp_path, "--working")
+    result = needs_command(tmp_path, "--working")
     examples = tmp_path / "examples"
-    assert done.output == f"{examples}/apps/e-gnome.json,{examples}/os/a-nothing.json\n"
+    assert result.output == f"{examples}/apps/e-gnome.json,{examples}/os/a-nothing.json\n"
     put(tmp_path, "c-files")
     assert needs_command(tmp_path, "--working").output == "\n", "another revision, nothing tested"
     out = tmp_path / "tasks.jsonl"

@@ -86,10 +86,10 @@ class Handler(BaseHTTPRequestHandler):
 
 @pytest.fixture
 def server() -> Iterator[Server]:
-    made = Server()
-    yield made
-    made.shutdown()
-    made.server_close()
+    result = Server()
+    yield result
+    result.shutdown()
+    result.server_close()
 
 
 class Waits(list[float]):
@@ -103,14 +103,14 @@ def test_files_come_once_and_are_recorded(server: Server, tmp_path: Path) -> Non
         CacheFile(server.url("/a"), "t2/y"),
         CacheFile(server.url("/empty"), "t1/e"),
     ]
-    told: list[tuple[int, int, str]] = []
-    report = prefetch(files, tmp_path / "cache", tell=lambda *row: told.append(row))
+    message: list[tuple[int, int, str]] = []
+    report = prefetch(files, tmp_path / "cache", tell=lambda *row: message.append(row))
     assert (report.fetched, report.failed, report.bytes) == (
         ["t1/e", "t1/x", "t2/y"],
         {},
         2 * len(BODY),
     )
-    assert told == [(1, 3, "t1/e"), (2, 3, "t1/x"), (3, 3, "t2/y")]
+    assert message == [(1, 3, "t1/e"), (2, 3, "t1/x"), (3, 3, "t2/y")]
     assert [path for path, _ in server.requests] == ["/empty", "/a"]
     assert (tmp_path / "cache/t1/x").read_bytes() == (tmp_path / "cache/t2/y").read_bytes() == BODY
     assert (tmp_path / "cache/t1/x").stat().st_ino != (tmp_path / "cache/t2/y").stat().st_ino
@@ -266,12 +266,12 @@ def test_names_are_those_that_osworld_looks_for() -> None:
         "expected": [cloud, multi],
     }
     named = f"t/{uuid.uuid5(uuid.NAMESPACE_URL, 'http://h/a b?x')}_D.txt"
-    found = list_cache_files(
+    cache_files = list_cache_files(
         task(
             {**evaluator, "postconfig": [download]}, [download, {"type": "sleep", "parameters": {}}]
         )
     )
-    assert found == [
+    assert cache_files == [
         CacheFile("http://h/a b?x", named),
         CacheFile("http://h/g", "t/gold.txt"),
         CacheFile("http://h/1", "t/one"),
@@ -336,8 +336,8 @@ def test_the_command(server: Server, tmp_path: Path) -> None:
     listed = CliRunner().invoke(hijack, [*arguments, "--dry-run", "--json"], standalone_mode=False)
     assert json.loads(listed.output) == [{"path": f"{name}/b", "url": server.url("/b")}]
     assert server.requests == []
-    done = CliRunner().invoke(hijack, arguments, standalone_mode=False)
-    assert (done.return_value, done.output.splitlines()[-1]) == (
+    result = CliRunner().invoke(hijack, arguments, standalone_mode=False)
+    assert (result.return_value, result.output.splitlines()[-1]) == (
         0,
         "1 fetched (0.0 MB), 0 were there, 0 failed",
     )

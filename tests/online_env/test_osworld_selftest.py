@@ -141,15 +141,15 @@ def test_refused_tasks_and_failed_setups_are_excluded():
 
 
 def test_the_results_are_told_counted_and_printed():
-    told = []
+    message = []
     env = Env([0, 0, 0, 1])
     listed = tasks(task("aa11"), task("bb22", func="infeasible"))
-    results = run_all(env, listed, {}, {"tier": "tiny"}, lambda row, so_far: told.append(row.id))
-    assert told == ["aa11", "bb22"]
+    results = run_all(env, listed, {}, {"tier": "tiny"}, lambda row, so_far: message.append(row.id))
+    assert message == ["aa11", "bb22"]
     assert results.sound
     assert results.summary() == "2 tasks of unknown@0: 1 works, 1 untried, 0 excluded, 0 error"
     data = json.loads(json.dumps(results.as_json()))
-    assert [row["id"] for row in data["tasks"]] == told
+    assert [row["id"] for row in data["tasks"]] == message
     lines = results.as_markdown().splitlines()
     assert lines[2] == "| - | os aa11 | 0 | - | - | untried: no scripted solution here |"
     assert lines[3] == "| - | os bb22 | 0 | 1 | FAIL | works |"
@@ -160,8 +160,8 @@ def test_tasks_are_chosen_by_group_id_or_beginning(tmp_path):
     path.write_text(json.dumps({"light": [["os", "aa11"], ["os", "zz99"]]}))
     groups = read_groups(path)
     listed = tasks(task("aa11"), task("bb22"), task("bb33"))
-    assert [one.id for one in choose(listed, groups, ["light"])] == ["aa11"]
-    assert [one.id for one in choose(listed, groups, ["bb2", "light"])] == ["aa11", "bb22"]
+    assert [item.id for item in choose(listed, groups, ["light"])] == ["aa11"]
+    assert [item.id for item in choose(listed, groups, ["bb2", "light"])] == ["aa11", "bb22"]
     assert len(choose(listed, groups, [])) == 3
     with pytest.raises(ConfigError, match=r"'ligth' is neither a group nor a task.*'light'"):
         choose(listed, groups, ["ligth"])
@@ -174,8 +174,8 @@ def test_tasks_are_chosen_by_group_id_or_beginning(tmp_path):
 
 
 def test_the_player_clicks_names_by_their_beginning_and_role():
-    seen = tree(("label", "Save all", 0, 0), ("push-button", "Save", 100, 40))
-    env = Env(trees=[seen])
+    calls = tree(("label", "Save all", 0, 0), ("push-button", "Save", 100, 40))
+    env = Env(trees=[calls])
     player = Player(env)
     player.click("Save", "push-button")
     player.click("Sav")
@@ -202,8 +202,8 @@ def test_the_player_clicks_in_the_row_of_a_name():
 def test_the_player_types_an_address_again_that_was_searched_for():
     bar = ("entry", "Address and search bar", 0, 0)
     searched = tree(bar, ("frame", "chrome://settings - Lumen Search - Chromium", 0, 0))
-    there = tree(bar, ("frame", "Settings - Chromium", 0, 0))
-    env = Env(trees=[tree(bar), searched, searched, there])
+    result = tree(bar, ("frame", "Settings - Chromium", 0, 0))
+    env = Env(trees=[tree(bar), searched, searched, result])
     Player(env).visit("chrome://settings")
     assert env.actions.count("pyautogui.write('chrome://settings')") == 2
 

@@ -177,7 +177,7 @@ class ShellHand:
 
 def test_a_script_that_runs_commands_is_none_for_an_agent(task: Any) -> None:
     task()
-    of_shell = [name for name, one in SOLUTIONS.items() if one.how != "windows"]
+    of_shell = [name for name, value in SOLUTIONS.items() if value.how != "windows"]
     cls = tasks.TASKS.get(NAME)
     for name in of_shell:
         hand: Any = ShellHand("")

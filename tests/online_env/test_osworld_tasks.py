@@ -68,9 +68,9 @@ def test_the_table_has_3321_rows_and_is_the_same_every_time(
     source = str(shared_data / "tasks" / "osworld_verified")
     outs = [tmp_path / "1.jsonl", tmp_path / "2.jsonl"]
     for out in outs:
-        done = CliRunner().invoke(hijack, ["osworld", "tasks", source, "--out", str(out)])
-        assert done.exit_code == 0, done.output
-    assert "3321 rows, 369 tasks, revision osworld-verified@" in done.output
+        result = CliRunner().invoke(hijack, ["osworld", "tasks", source, "--out", str(out)])
+        assert result.exit_code == 0, result.output
+    assert "3321 rows, 369 tasks, revision osworld-verified@" in result.output
     assert outs[0].read_bytes() == outs[1].read_bytes()
     rows = [json.loads(line) for line in outs[0].read_text().splitlines()]
     assert len(rows) == len({row["id"] for row in rows}) == 3321
@@ -175,13 +175,13 @@ def test_a_damaged_table_names_its_line(tmp_path: Path) -> None:
     out = tmp_path / "tasks.jsonl"
     task_table.write(load(put(tmp_path, GOOD)), out)
     lines = out.read_text().splitlines()
-    other = json.loads(lines[0]) | {"revision": "unknown@0"}
+    second = json.loads(lines[0]) | {"revision": "unknown@0"}
     for text, message in (
         ("\n".join([lines[0], "{"]), ":2: not JSON"),
-        (json.dumps({**other, "task": {**GOOD, "instruction": 1}}), ":1: task.instruction"),
-        (json.dumps({**other, "domain": None}), ":1: domain"),
+        (json.dumps({**second, "task": {**GOOD, "instruction": 1}}), ":1: task.instruction"),
+        (json.dumps({**second, "domain": None}), ":1: domain"),
         ("3", ":1: a row must be an object"),
-        ("\n".join([lines[0], json.dumps(other)]), "rows of 2 revisions"),
+        ("\n".join([lines[0], json.dumps(second)]), "rows of 2 revisions"),
         ("", "rows of 0 revisions"),
     ):
         out.write_text(text)

@@ -34,8 +34,8 @@ def calls(folder: Path) -> list[str]:
 
 def test_it_is_made_once_and_made_again_for_another_tier(folder: Path) -> None:
     assert venv.installed_tier(folder) is None
-    made = venv.make(folder, "tiny")
-    assert (made.tier, made.fresh, venv.installed_tier(folder)) == ("tiny", True, "tiny")
+    result = venv.make(folder, "tiny")
+    assert (result.tier, result.fresh, venv.installed_tier(folder)) == ("tiny", True, "tiny")
     pinned, listed = calls(folder)
     assert pinned.endswith("--no-deps desktop-env==1.0.2")
     assert listed.endswith("requirements-tiny.txt")

@@ -26,6 +26,7 @@ from online_env.agents.pixel.picture_onlooker import COVERED, GONE, PictureOnloo
 from online_env.agents.pixel.screen_reader import ScreenReader, TextCache, TextLine
 from online_env.agents.pixel.text_matching import closest_text, find_text
 from online_env.agents.registry import AGENTS, make
+from online_env.bench.config import Bench
 from online_env.bench.episodes import _pass_plan
 from online_env.bench.models import ModelOptions, prepare
 
@@ -87,22 +88,22 @@ def play(agent, lines, *pictures):
 
 def test_a_text_is_found_although_ocr_loses_spaces_and_confuses_letters():
     lines = [line("Documents-Thunar"), line("report-l0.txt", y=30), line("Saue as...", y=60)]
-    for wanted, text in (
+    for expected, text in (
         ("Documents - Thunar", "Documents-Thunar"),
         ("report-10.txt", "report-l0.txt"),
         ("Save As…", "Saue as..."),
     ):
-        seen = find_text(lines, wanted)
-        assert seen is not None, wanted
-        assert seen.line.text == text
+        calls = find_text(lines, expected)
+        assert calls is not None, expected
+        assert calls.line.text == text
     assert find_text(lines, "Sent") is None
     assert find_text([line("Font")], "Fon") is None, "short texts are whole words"
 
 
 def test_the_place_of_a_word_in_a_line_is_its_own():
-    seen = find_text([line("Bookmarks Help", x=100)], "Help")
-    assert seen is not None
-    assert seen.box == (200, 0, 240, 20)
+    text = find_text([line("Bookmarks Help", x=100)], "Help")
+    assert text is not None
+    assert text.box == (200, 0, 240, 20)
 
 
 def test_of_several_places_the_best_then_the_newest_then_the_nearest():
@@ -145,8 +146,8 @@ def test_only_what_changed_is_read_and_nothing_twice():
     first = reader.read(renaming(5))
     whole = reader.counts.pixels
     second = reader.read(renaming(6))
-    assert "draft.txt" in [found.text for found in first]
-    assert "draft.txt" not in [found.text for found in second]
+    assert "draft.txt" in [item.text for item in first]
+    assert "draft.txt" not in [item.text for item in second]
     assert {line.since for line in second} == {0, 1}
     assert reader.counts.pixels < 1.7 * whole
     calls = reader.counts.calls
@@ -169,7 +170,7 @@ def test_no_line_that_stays_is_cut():
         x1, y1, x2, y2 = standing.box
         assert any(b[0] <= x1 and b[1] <= y1 and x2 <= b[2] and y2 <= b[3] for b in boxes)
     reader.read(after)
-    assert [found.text for found in reader._lines] == ["apart"]
+    assert [item.text for item in reader._lines] == ["apart"]
 
 
 def test_the_cache_forgets_what_was_not_asked_for(monkeypatch):
@@ -185,10 +186,10 @@ def test_the_cache_forgets_what_was_not_asked_for(monkeypatch):
 
 def test_processes_that_need_the_same_text_read_it_once(tmp_path):
     with ProcessPoolExecutor(3, multiprocessing.get_context("spawn")) as processes:
-        found = list(processes.map(read_together, [tmp_path / "texts"] * 3))
-    lines = [of_one for of_one, _ in found]
+        items = list(processes.map(read_together, [tmp_path / "texts"] * 3))
+    lines = [of_one for of_one, _ in items]
     assert lines[0] == lines[1] == lines[2] == ScreenReader(TextCache()).read(renaming(5))
-    assert sorted(calls for _, calls in found) == [0, 0, 1]
+    assert sorted(calls for _, calls in items) == [0, 0, 1]
 
 
 def test_a_text_that_was_cut_off_is_read_again(tmp_path):
@@ -215,8 +216,8 @@ def test_a_folder_that_cannot_be_written_changes_nothing(tmp_path):
 
 def test_a_plan_is_followed_on_pictures():
     plan = ['right-click "draft.txt"', 'click "Rename..."', "press ctrl+a", 'type "a\'b"', "wait"]
-    found = play(make("pixel"), plan, before_menu(), *[with_menu()] * 5)
-    assert [actions[0].split("(")[0] for _, actions in found] == [
+    result = play(make("pixel"), plan, before_menu(), *[with_menu()] * 5)
+    assert [actions[0].split("(")[0] for _, actions in result] == [
         "pyautogui.rightClick",
         "pyautogui.click",
         "pyautogui.hotkey",
@@ -224,25 +225,25 @@ def test_a_plan_is_followed_on_pictures():
         "WAIT",
         "DONE",
     ]
-    assert found[3][1] == ['pyautogui.write("a\'b")']
-    said, (action,) = found[1]
-    assert said == "Step 2 of 5: click \"Rename...\". I read 'Rename...'."
+    assert result[3][1] == ['pyautogui.write("a\'b")']
+    output, (action,) = result[1]
+    assert output == "Step 2 of 5: click \"Rename...\". I read 'Rename...'."
     x, y = map(int, action.removeprefix("pyautogui.click(").removesuffix(")").split(","))
     assert abs(x - 339) < 12
     assert abs(y - 260) < 8
 
 
 def test_a_text_that_does_not_come_is_waited_for_then_the_agent_ends():
-    found = play(make("pixel"), ['wait for "Trash"', 'click "Copy"'], *[with_menu()] * 4)
-    assert [actions for _, actions in found] == [["WAIT"], ["WAIT"], ["DONE"], ["DONE"]]
-    assert "I do not see 'Trash'. The closest text is '" in found[2][0]
+    result = play(make("pixel"), ['wait for "Trash"', 'click "Copy"'], *[with_menu()] * 4)
+    assert [actions for _, actions in result] == [["WAIT"], ["WAIT"], ["DONE"], ["DONE"]]
+    assert "I do not see 'Trash'. The closest text is '" in result[2][0]
     scrolled = play(make("pixel"), ['scroll down to "Trash"'], *[with_menu()] * 2)
     assert scrolled[0][1] == ["pyautogui.scroll(-5, 240, 155)"]
 
 
 def test_only_the_plan_says_that_a_task_cannot_be_done():
-    found = play(make("pixel"), ['click "Copy"', 'give up "no"'], *[with_menu()] * 2)
-    assert [actions[0] for _, actions in found][1] == "FAIL"
+    result = play(make("pixel"), ['click "Copy"', 'give up "no"'], *[with_menu()] * 2)
+    assert [actions[0] for _, actions in result][1] == "FAIL"
     agent = make("pixel_onlooker_no_summary")
     lost = play(agent, ['click "Trash"', 'give up "no"'], *[with_menu()] * 3)
     assert lost[-1][1] == ["DONE"]
@@ -261,10 +262,10 @@ def test_the_initial_check_knows_errors_by_their_looks():
 
 
 def test_a_locked_screen_is_reported_once_and_unlocked():
-    found = play(make("pixel_onlooker"), ['click "Copy"'], locked(), locked(), locked())
-    assert found[0][1] == ["REQUEST_REINIT"]
-    assert found[0][0].startswith("Reminder: ")
-    assert [found[1][1], found[2][1]] == [
+    result = play(make("pixel_onlooker"), ['click "Copy"'], locked(), locked(), locked())
+    assert result[0][1] == ["REQUEST_REINIT"]
+    assert result[0][0].startswith("Reminder: ")
+    assert [result[1][1], result[2][1]] == [
         ["pyautogui.write('password')"],
         ["pyautogui.press('enter', presses=1)"],
     ]
@@ -275,8 +276,8 @@ def test_each_module_can_be_left_out():
     unchecked = play(make("pixel_onlooker_no_check"), plan, locked())
     assert unchecked[0][1] == ["pyautogui.write('password')"], "the summaries notice it, too"
     blind = make("pixel_onlooker_no_summary")
-    found = play(blind, plan, with_menu(), locked())
-    assert found[1][1] == ["WAIT"]
+    result = play(blind, plan, with_menu(), locked())
+    assert result[1][1] == ["WAIT"]
     assert blind.summaries == []
 
 
@@ -296,17 +297,17 @@ def test_a_summary_says_what_came_and_went():
 def test_a_minimised_window_is_restored_by_its_button():
     whole = picture("hijack_data/assets/desktop-thunar-1920x1080-1.webp")
     lines = [
-        replace(found, box=(found.box[0], found.box[1] + 980, found.box[2], found.box[3] + 980))
-        for found in ScreenReader().read(whole[980:])
+        replace(item, box=(item.box[0], item.box[1] + 980, item.box[2], item.box[3] + 980))
+        for item in ScreenReader().read(whole[980:])
     ]
     onlooker = PictureOnlooker(())
-    found = onlooker.watch(lines, (1080, 1920), ["Thunar"])
-    assert found.kind == GONE
-    assert found.steps[0] == 'click "Documents -Thunar" near "Applications"'
+    item = onlooker.watch(lines, (1080, 1920), ["Thunar"])
+    assert item.kind == GONE
+    assert item.steps[0] == 'click "Documents -Thunar" near "Applications"'
     titles = [line("~/Documents/harbour-walk.txt - Mousepad"), line("Documents - Thunar", y=300)]
-    shown = [*lines, *titles]
-    assert onlooker.watch(shown, (1080, 1920), ["Mousepad", "Thunar"]) is None
-    foreign = PictureOnlooker(()).watch(shown, (1080, 1920), ["Thunar"])
+    items = [*lines, *titles]
+    assert onlooker.watch(items, (1080, 1920), ["Mousepad", "Thunar"]) is None
+    foreign = PictureOnlooker(()).watch(items, (1080, 1920), ["Thunar"])
     assert foreign.kind == COVERED
     assert foreign.steps[0].startswith('right-click "~/Documents/harbour-wa')
 
@@ -324,9 +325,9 @@ def panel(*windows: str) -> list[TextLine]:
 def test_of_several_windows_the_one_at_work_is_restored():
     onlooker = PictureOnlooker(())
     windows = ["Thunar", "xarchiver"]
-    found = onlooker.watch(panel("Documents - Thunar", "a.zip - xarchiver 0.5"), SIZE, windows)
-    assert found.kind == GONE
-    assert found.steps[0] == 'click "a.zip - xarchiver 0.5" near "Applications"'
+    result = onlooker.watch(panel("Documents - Thunar", "a.zip - xarchiver 0.5"), SIZE, windows)
+    assert result.kind == GONE
+    assert result.steps[0] == 'click "a.zip - xarchiver 0.5" near "Applications"'
 
 
 def test_a_window_that_came_during_the_task_is_not_foreign():
@@ -343,8 +344,8 @@ def test_a_foreign_window_is_known_again_by_a_button_that_is_cut_short():
     first = [AT_WORK, *panel("Documents - Thunar", "untitled - Geany (new instance)")]
     assert onlooker.watch(first, SIZE, ["Thunar"]).kind == COVERED
     later = [AT_WORK, *panel("Documents - Thunar", "a.zip - xarchiver 0.5", "untitled - Gea...")]
-    found = onlooker.watch(later, SIZE, ["Thunar"])
-    assert found.steps[0] == 'right-click "untitled - Gea..." near "Applications"'
+    result = onlooker.watch(later, SIZE, ["Thunar"])
+    assert result.steps[0] == 'right-click "untitled - Gea..." near "Applications"'
 
 
 def test_where_the_own_window_cannot_be_read_no_window_is_foreign():
@@ -396,8 +397,8 @@ def test_a_follower_gets_words_and_no_way_to_the_episode():
 def test_an_agent_that_cannot_read_says_so_before_the_run(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "rapidocr", None)
     with pytest.raises(MissingDependencyError, match=r"pip install .*\[ocr\]'"):
-        prepare(["pixel"], ModelOptions(), tmp_path)
-    prepare(["pixel"], ModelOptions(), None)
+        prepare(Bench(agents=("pixel",)), ModelOptions(), tmp_path)
+    prepare(Bench(agents=("pixel",)), ModelOptions(), None)
 
 
 TOLD = """

@@ -85,11 +85,11 @@ def test_a_click_is_in_the_middle_or_beside_and_always_on_the_picture(screens, s
     ],
 )
 def test_a_step_that_needs_no_text_is_taken_at_once(screens, step, code):
-    one = walk(step)
-    walked = one.act(screens())
+    result = walk(step)
+    walked = result.act(screens())
     assert (walked.action, walked.words) == (code, f"Step 1 of 1: {step}.")
-    assert one.ended
-    assert one.act(DARK).words == "That was the whole plan."
+    assert result.ended
+    assert result.act(DARK).words == "That was the whole plan."
 
 
 def test_the_text_beside_its_anchor_is_taken_and_none_without_the_anchor(screens):
@@ -106,32 +106,32 @@ def test_the_text_beside_its_anchor_is_taken_and_none_without_the_anchor(screens
 
 def test_the_wheel_turns_so_often_then_it_waits_and_then_it_is_lost(screens):
     picture = screens(line("Sent"))
-    one = walk('scroll up to "Trash"')
-    actions = [one.act(picture).action for _ in range(MAX_SCROLLS + MAX_WAITS)]
+    result = walk('scroll up to "Trash"')
+    actions = [result.act(picture).action for _ in range(MAX_SCROLLS + MAX_WAITS)]
     assert actions == ["pyautogui.scroll(5, 300, 200)"] * MAX_SCROLLS + ["WAIT"] * MAX_WAITS
-    lost = one.act(picture)
+    lost = result.act(picture)
     assert (lost.is_lost, lost.action) == (True, "")
     assert lost.words.endswith("I do not see 'Trash'. The closest text is 'Sent'.")
-    one.wait_again()
-    assert one.act(picture).action == "pyautogui.scroll(5, 300, 200)"
-    assert not one.ended
+    result.wait_again()
+    assert result.act(picture).action == "pyautogui.scroll(5, 300, 200)"
+    assert not result.ended
 
 
 def test_a_text_that_comes_late_is_clicked_and_the_next_one_is_waited_for_anew(screens):
     empty, first, both = screens(), screens(line("One")), screens(line("One"), line("Four", 0, 50))
-    one = walk('window "One"', 'click "One"', 'click "Four"')
-    seen = [one.act(picture).action for picture in (empty, empty, first, first, first, both)]
+    value = walk('window "One"', 'click "One"', 'click "Four"')
+    actions = [value.act(picture).action for picture in (empty, empty, first, first, first, both)]
     clicks = ["pyautogui.click(15, 10)", "pyautogui.click(20, 60)"]
-    assert seen == ["WAIT", "WAIT", clicks[0], "WAIT", "WAIT", clicks[1]]
+    assert actions == ["WAIT", "WAIT", clicks[0], "WAIT", "WAIT", clicks[1]]
 
 
 def test_the_window_at_work_is_the_last_one_named_so_far(screens):
     picture = screens(line("Thunar"), line("Mousepad", 0, 50))
-    one = walk("press f2", 'window "Thunar"', "press f3", 'window "Mousepad"', "press f4")
+    result = walk("press f2", 'window "Thunar"', "press f3", 'window "Mousepad"', "press f4")
     windows = []
-    while not one.ended:
-        windows.append(one.window)
-        one.act(picture)
+    while not result.ended:
+        windows.append(result.window)
+        result.act(picture)
     assert windows == ["", "Thunar", "Mousepad"]
 
 
@@ -143,7 +143,7 @@ def test_a_smaller_picture_has_no_texts_of_the_larger_one(screens):
     large = screens(line("near", 10, 5), line("far right", 400, 5), line("low", 10, 300))
     small = screens(line("near", 10, 5))[:200, :300]
     assert len(reader.read(large)) == 3
-    assert [(found.text, found.since) for found in reader.read(small)] == [("near", 1)]
+    assert [(item.text, item.since) for item in reader.read(small)] == [("near", 1)]
     assert walk('click "low"').act(small).action == "WAIT"
 
 
@@ -151,7 +151,7 @@ def test_a_line_that_moved_is_new_and_one_that_stayed_is_not(screens):
     reader = ScreenReader()
     reader.read(screens(line("Stay"), line("Move", 0, 100)))
     again = reader.read(screens(line("Stay"), line("Move", 0, 300), line("Stay", 0, 200)))
-    assert [(found.text, found.box[1], found.since) for found in again] == [
+    assert [(item.text, item.box[1], item.since) for item in again] == [
         ("Stay", 0, 0),
         ("Stay", 200, 1),
         ("Move", 300, 1),
@@ -180,25 +180,27 @@ def test_merged_boxes_hold_all_and_none_touch():
         boxes = []
         for x, y, width, height in draws.integers(1, 25, (8, 4)).tolist():
             boxes.append((4 * x, 4 * y, 4 * x + width, 4 * y + height))
-        found = merged(boxes)
+        result = merged(boxes)
         for box in boxes:
             holders = [
                 (x1, y1)
-                for x1, y1, x2, y2 in found
+                for x1, y1, x2, y2 in result
                 if x1 <= box[0] and y1 <= box[1] and box[2] <= x2 and box[3] <= y2
             ]
             assert len(holders) == 1
-        assert not [1 for one in found for other in found if one != other and touch(one, other)]
+        assert not [
+            1 for item in result for second in result if item != second and touch(item, second)
+        ]
 
 
 def test_a_text_that_was_read_with_mistakes_counts_only_if_none_was_read_well():
     lines = [line("Docunents"), line("Documents", y=50), line("My Documents", y=100)]
-    assert [seen.line.text for seen in all_texts(lines, "Documents")] == [
+    assert [all_text.line.text for all_text in all_texts(lines, "Documents")] == [
         "Documents",
         "My Documents",
     ]
-    (seen,) = all_texts(lines[:1], "Documents")
-    assert 0.6 < seen.likeness < 0.85, "less than a part that was read well"
+    (all_text,) = all_texts(lines[:1], "Documents")
+    assert 0.6 < all_text.likeness < 0.85, "less than a part that was read well"
     part = find_text([line("Open the Docunents here")], "Documents")
     assert part.box == (90, 0, 180, TALL)
     assert find_text([line("ab")], "Documents") is None
@@ -220,8 +222,8 @@ def panel(*buttons):
 
 def test_buttons_are_those_between_the_menu_and_the_clock():
     lines = [*panel("Thunar", "42", "Mousepad"), line("Trash", 200, 300)]
-    found = panel_buttons(list(reversed(lines)), SIZE)
-    assert [button.text for button in found] == ["Thunar", "Mousepad"]
+    result = panel_buttons(list(reversed(lines)), SIZE)
+    assert [button.text for button in result] == ["Thunar", "Mousepad"]
     assert panel_buttons([line("Thunar", 130, 375)], SIZE) == []
 
 
@@ -237,9 +239,9 @@ def test_a_window_is_gone_only_if_little_else_is_to_be_seen():
 
 def test_a_summary_names_six_texts_that_came_and_six_that_went():
     before, after = ([line(f"{word}{n}ab") for n in range(8)] for word in ("old", "new"))
-    said = PictureOnlooker(()).summarise("Step.", [*before, line("both")], after, 0.256)
+    output = PictureOnlooker(()).summarise("Step.", [*before, line("both")], after, 0.256)
     names = [", ".join(repr(f"{word}{n}ab") for n in range(6)) for word in ("new", "old")]
-    assert said == f"Step. 26% of the screen changed. New: {names[0]}. Gone: {names[1]}."
+    assert output == f"Step. 26% of the screen changed. New: {names[0]}. Gone: {names[1]}."
     assert PictureOnlooker(()).summarise("Step.", after, after, 0.0) == "Step. Nothing has changed."
 
 
@@ -248,12 +250,12 @@ def test_a_step_that_is_lost_is_tried_again_so_often_and_no_more(screens):
     agent = PixelOnlooker()
     agent.reset()
     agent.follow(['click "Trash"'])
-    found = [agent.predict("", {"screenshot": picture})[1][0] for _ in range(20)]
+    values = [agent.predict("", {"screenshot": picture})[1][0] for _ in range(20)]
     esc = "pyautogui.press('esc', presses=1)"
-    assert found.count(esc) == onlooker_agent.MAX_SAME_RECOVERIES
-    end = found.index("DONE")
-    assert set(found[:end]) == {"WAIT", esc}
-    assert set(found[end:]) == {"DONE"}, "it does not begin again"
+    assert values.count(esc) == onlooker_agent.MAX_SAME_RECOVERIES
+    end = values.index("DONE")
+    assert set(values[:end]) == {"WAIT", esc}
+    assert set(values[end:]) == {"DONE"}, "it does not begin again"
     agent.reset()
     agent.follow(['click "Draft"'])
     assert agent.predict("", {"screenshot": picture})[1] == ["pyautogui.click(25, 60)"]
@@ -264,7 +266,7 @@ def test_a_disturbance_is_put_right_three_times_and_then_the_plan_goes_on(screen
     agent = PixelOnlooker()
     agent.reset()
     agent.follow(["press f2"])
-    found = [agent.predict("", {"screenshot": locked})[1][0] for _ in range(12)]
+    values = [agent.predict("", {"screenshot": locked})[1][0] for _ in range(12)]
     again = ["pyautogui.write('password')", "pyautogui.press('enter', presses=1)", "WAIT"]
-    assert found[:10] == ["REQUEST_REINIT", *again * 3]
-    assert found[10:] == ["pyautogui.press('f2', presses=1)", "DONE"]
+    assert values[:10] == ["REQUEST_REINIT", *again * 3]
+    assert values[10:] == ["pyautogui.press('f2', presses=1)", "DONE"]

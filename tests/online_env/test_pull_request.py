@@ -44,7 +44,7 @@ def run_action(repository, **given):
         }
         for name, text in step["env"].items():
             env[name] = re.sub(r"\$\{\{ (\S+) \}\}", lambda found: values[found[1]], text)
-        done = subprocess.run(
+        process = subprocess.run(
             [*SHELL, step["run"]],
             cwd=repository,
             env=env,
@@ -52,11 +52,11 @@ def run_action(repository, **given):
             text=True,
             check=False,
         )
-        printed += done.stdout + done.stderr
+        printed += process.stdout + process.stderr
         for line in output.read_text().splitlines():
             name, _, value = line.partition("=")
             values[f"steps.{step['id']}.outputs.{name}"] = value
-        if done.returncode:
+        if process.returncode:
             return values, step["name"], printed
     return values, "", printed
 

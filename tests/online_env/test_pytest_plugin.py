@@ -24,8 +24,10 @@ def test_it_imports_next_to_nothing():
         "import sys, pytest, importlib.util; before = set(sys.modules);"
         "import online_env.pytest_plugin; print(*(set(sys.modules) - before))"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    loaded = set(done.stdout.split())
+    process = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    loaded = set(process.stdout.split())
     assert {name for name in loaded if name.startswith(("online_env", "hijack_data"))} == CHEAP
     assert not loaded & {"numpy", "yaml", "click", "PIL", "gymnasium"}
 

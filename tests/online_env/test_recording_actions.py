@@ -23,10 +23,10 @@ class Clock:
 def told(*events):
     """The actions, each with the number of the look before it; a number among the events lets time
     pass."""
-    clock, looks, found = Clock(), itertools.count(), []
+    clock, looks, items = Clock(), itertools.count(), []
 
     def done(view, code):
-        found.append((view, code))
+        items.append((view, code))
 
     actions = ActionRecognizer(lambda: next(looks), done, clock)
     for event in events:
@@ -35,8 +35,8 @@ def told(*events):
         else:
             clock.now += event
     actions.flush()
-    assert [view for view, _ in found] == list(range(len(found)))
-    return [parse_pyautogui(code, (1080, 1920)) for _, code in found]
+    assert [view for view, _ in items] == list(range(len(items)))
+    return [parse_pyautogui(code, (1080, 1920)) for _, code in items]
 
 
 def press(x, y, button="left"):
@@ -103,12 +103,12 @@ def test_letters_are_one_text_until_there_is_a_pause_or_a_click():
 
 def test_keys_with_and_without_modifiers():
     assert told(*key("enter")) == [Action("hotkey", keys=("enter",))]
-    held = [
+    items = [
         {"type": "key_down", "key": "ctrl"},
         {"type": "key", "key": "s"},
         {"type": "key_up", "key": "ctrl"},
     ]
-    assert told(*held) == [Action("hotkey", keys=("ctrl", "s"))]
+    assert told(*items) == [Action("hotkey", keys=("ctrl", "s"))]
     assert told(*key("ctrl")) == []
     assert told(*key("win")) == [Action("hotkey", keys=("win",))]
 
@@ -120,9 +120,9 @@ def test_a_click_with_a_key_held():
 
 @pytest.mark.parametrize(("amounts", "wanted"), [((-1, -1, -1), [-3]), ((-1, 1), [-1, 1])])
 def test_turns_of_the_wheel_in_one_direction_are_one_scroll(amounts, wanted):
-    found = told(*({"type": "scroll", "x": 9, "y": 9, "amount": amount} for amount in amounts))
-    assert [action.amount for action in found] == wanted
-    assert {action.point for action in found} == {(9, 9)}
+    result = told(*({"type": "scroll", "x": 9, "y": 9, "amount": amount} for amount in amounts))
+    assert [action.amount for action in result] == wanted
+    assert {action.point for action in result} == {(9, 9)}
 
 
 def test_moves_and_unknown_events_are_no_actions():

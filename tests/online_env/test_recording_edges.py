@@ -27,10 +27,10 @@ SIZE = (1080, 1920)
 def told(*events):
     """The actions that events become; a number among them lets time pass."""
     now = [0.0]
-    found = []
+    values = []
     looks = itertools.count()
     actions = ActionRecognizer(
-        lambda: next(looks), lambda _, code: found.append(code), lambda: now[0]
+        lambda: next(looks), lambda _, code: values.append(code), lambda: now[0]
     )
     for event in events:
         if isinstance(event, dict):
@@ -38,7 +38,7 @@ def told(*events):
         else:
             now[0] += event
     actions.flush()
-    return [parse_pyautogui(code, SIZE) for code in found]
+    return [parse_pyautogui(code, SIZE) for code in values]
 
 
 def button(kind, x, y, name="left"):
@@ -64,14 +64,14 @@ def key(kind, name):
     ],
 )
 def test_how_near_and_how_soon_a_second_click_must_come(off, pause, kinds):
-    assert [one.type for one in told(*click(30, 40), pause, *click(30, 40 + off))] == kinds
+    assert [item.type for item in told(*click(30, 40), pause, *click(30, 40 + off))] == kinds
 
 
 def test_a_click_after_a_drag_is_a_click_of_its_own():
     drag = (button("down", 30, 40), button("up", 90, 40))
-    found = told(*drag, 0.1, *click(30, 40))
-    assert [one.type for one in found] == ["drag", "click"]
-    assert (found[0].x, found[0].x2) == (30, 90)
+    result = told(*drag, 0.1, *click(30, 40))
+    assert [item.type for item in result] == ["drag", "click"]
+    assert (result[0].x, result[0].x2) == (30, 90)
 
 
 def test_what_only_the_left_button_has_a_name_for_is_never_taken_for_it():
@@ -90,23 +90,23 @@ def test_a_button_that_is_let_go_elsewhere_than_on_the_page_is_a_click():
 
 
 def test_modifiers_are_written_in_the_order_in_which_they_went_down():
-    held = (key("key_down", "ctrl"), key("key_down", "shift"))
-    (found,) = told(*held, key("key", "t"), key("key_up", "shift"), key("key_up", "ctrl"))
-    assert found.keys == ("ctrl", "shift", "t")
-    first, second = told(*held, key("key", "a"), key("key_up", "shift"), key("key", "b"))
+    items = (key("key_down", "ctrl"), key("key_down", "shift"))
+    (value,) = told(*items, key("key", "t"), key("key_up", "shift"), key("key_up", "ctrl"))
+    assert value.keys == ("ctrl", "shift", "t")
+    first, second = told(*items, key("key", "a"), key("key_up", "shift"), key("key", "b"))
     assert (first.keys, second.keys) == (("ctrl", "shift", "a"), ("ctrl", "b"))
 
 
 def test_a_modifier_that_comes_between_two_clicks_parts_them():
     events = (*click(7, 8), key("key_down", "ctrl"), *click(7, 8), key("key_up", "ctrl"))
-    found = told(*events)
-    assert [(one.type, one.keys) for one in found] == [("click", None), ("click", ("ctrl",))]
+    result = told(*events)
+    assert [(item.type, item.keys) for item in result] == [("click", None), ("click", ("ctrl",))]
 
 
 def test_the_windows_key_opens_a_menu_only_if_it_was_pressed_alone():
-    assert [one.keys for one in told(key("key_down", "win"), key("key_up", "win"))] == [("win",)]
+    assert [item.keys for item in told(key("key_down", "win"), key("key_up", "win"))] == [("win",)]
     used = (key("key_down", "win"), key("key", "d"), key("key_up", "win"))
-    assert [one.keys for one in told(*used)] == [("win", "d")]
+    assert [item.keys for item in told(*used)] == [("win", "d")]
     assert told(key("key_up", "win")) == [], "it went down before the page was opened"
 
 
@@ -114,9 +114,9 @@ def test_the_wheel_elsewhere_or_later_is_another_scroll():
     def turn(x, amount=1):
         return {"type": "scroll", "x": x, "y": 9, "amount": amount}
 
-    assert [one.amount for one in told(turn(1), 2.0, turn(1, 2))] == [3]
-    assert [one.amount for one in told(turn(1), 2.1, turn(1, 2))] == [1, 2]
-    assert [one.amount for one in told(turn(1), turn(2, 2))] == [1, 2]
+    assert [item.amount for item in told(turn(1), 2.0, turn(1, 2))] == [3]
+    assert [item.amount for item in told(turn(1), 2.1, turn(1, 2))] == [1, 2]
+    assert [item.amount for item in told(turn(1), turn(2, 2))] == [1, 2]
 
 
 def test_text_with_quotes_and_lines_is_written_as_it_was_typed():
@@ -157,16 +157,16 @@ def test_a_desktop_that_fails_loses_the_rest_of_its_scene_only(monkeypatch, tmp_
             raise DesktopError(f"no desktop of {options['size'][1]}x{options['size'][0]}")
 
     monkeypatch.setattr(assets, "EmbeddedDesktop", Desktop)
-    said = []
-    lost = assets.record_assets(tmp_path, ["icon", "menu"], [(720, 1280), SIZE], said.append)
-    assert [(one.name, one.reason) for one in lost] == [
+    output = []
+    lost = assets.record_assets(tmp_path, ["icon", "menu"], [(720, 1280), SIZE], output.append)
+    assert [(item.name, item.reason) for item in lost] == [
         ("the rest of menus", "no desktop of 1920x1080"),
         ("the rest of parts", "no desktop of 1920x1080"),
     ]
-    assert said[0] == (
+    assert output[0] == (
         "NOT recorded at 1920x1080, golden: the rest of menus: no desktop of 1920x1080"
     )
-    assert said[-1].startswith("0 pictures, 0.0 MB in ")
+    assert output[-1].startswith("0 pictures, 0.0 MB in ")
     assert json.loads((tmp_path / "index.json").read_text())["pictures"] == []
 
 

@@ -121,14 +121,14 @@ def test_a_look_that_does_not_exist_is_told_before_anything_starts(tmp_path):
 def test_what_was_drawn_over_two_backgrounds_is_known_without_them():
     alpha = np.array([[0, 64, 128, 255]], np.float64) / 255
     colour = np.array([200, 100, 0])
-    shown = [
+    values = [
         (alpha[..., None] * colour + (1 - alpha[..., None]) * level).round().astype(np.uint8)
         for level in (0, 255)
     ]
-    found = parts.matte(*shown)
-    assert np.abs(found[..., 3] - alpha * 255).max() <= 1
-    assert np.abs(found[0, 1:, :3].astype(int) - colour).max() <= 3
-    assert not found[0, 0].any()
+    result = parts.matte(*values)
+    assert np.abs(result[..., 3] - alpha * 255).max() <= 1
+    assert np.abs(result[0, 1:, :3].astype(int) - colour).max() <= 3
+    assert not result[0, 0].any()
 
 
 def test_a_folder_that_is_no_pack_is_left_alone(tmp_path):
@@ -215,10 +215,10 @@ def test_trajectories_are_added_to_one_folder_and_can_be_read(tmp_path):
         )
         episode.add(RecordedView(frame, ()), Action("done"), "DONE")
         save(episode, tmp_path)
-    found = list(get_reader("jsonl").read(tmp_path))
-    assert [t.id for t in found] == ["note-0", "note-0-2"]
-    assert found[0].apps == ("mousepad",)
-    steps = list(found[1].steps)
+    items = list(get_reader("jsonl").read(tmp_path))
+    assert [t.id for t in items] == ["note-0", "note-0-2"]
+    assert items[0].apps == ("mousepad",)
+    steps = list(items[1].steps)
     assert steps[0].target_box == (1, 2, 30, 40)
     assert [step.action for step in steps] == [Action("click", 5, 6), Action("done")]
     (tmp_path / "trajectories.jsonl").write_text("no json\n")
@@ -235,16 +235,16 @@ def test_a_text_may_hold_what_some_take_for_the_end_of_a_line(tmp_path):
         episode = EpisodeRecording("note-0", instruction, ("mousepad",))
         episode.add(RecordedView(frame, ()), Action("done"), "DONE")
         save(episode, tmp_path)
-    found = list(get_reader("jsonl").read(tmp_path))
-    assert [t.instruction for t in found] == [instruction] * 3
+    items = list(get_reader("jsonl").read(tmp_path))
+    assert [t.instruction for t in items] == [instruction] * 3
 
 
 def test_what_a_person_did_is_kept_where_the_desktop_ends_before_them(tmp_path):
-    said = []
+    output = []
     episode = EpisodeRecording("person", "Write it down.", ())
 
     def act():
-        with saved_at_end(episode, tmp_path, said.append):
+        with saved_at_end(episode, tmp_path, output.append):
             frame = np.zeros((60, 80, 3), np.uint8)
             episode.add(RecordedView(frame, ()), Action("click", 5, 6), "pyautogui.click(5, 6)")
             raise DesktopError("the desktop has ended")
@@ -253,10 +253,10 @@ def test_what_a_person_did_is_kept_where_the_desktop_ends_before_them(tmp_path):
         act()
     (line,) = (tmp_path / "trajectories.jsonl").read_text().splitlines()
     assert json.loads(line)["trajectory_id"] == "person"
-    assert said == [f"person: 1 steps in {tmp_path}"]
-    with saved_at_end(EpisodeRecording("nothing", "", ()), tmp_path / "empty", said.append):
+    assert output == [f"person: 1 steps in {tmp_path}"]
+    with saved_at_end(EpisodeRecording("nothing", "", ()), tmp_path / "empty", output.append):
         pass
-    assert len(said) == 1
+    assert len(output) == 1
 
 
 @pytest.mark.parametrize("options", [{"person": True, "instruction": "x"}, {"task": "write_note"}])

@@ -229,8 +229,8 @@ def test_a_missing_menu_is_named_with_what_is_there(desktop, monkeypatch):
     desktop.xml = tree(geany=element("menu", "File", (10, 10, 40, 20)))
     stage = RecordingStage(desktop)
     top = stage.top(1)
-    found = menus._aim(stage, menus.Click("File", "menu"), top)
-    assert (found["type"], found["x"], found["y"]) == ("click", 25, 15)
+    result = menus._aim(stage, menus.Click("File", "menu"), top)
+    assert (result["type"], result["x"], result["y"]) == ("click", 25, 15)
     assert menus._aim(stage, menus.Click(at=(0.5, 0.1)), None) == {
         "type": "click",
         "x": 200,

@@ -32,18 +32,18 @@ SOLVED = dict(zip(CONDITIONS, (8, 4, 2, 8, 6, 7, 5, 5, 1, 3), strict=True))
 
 
 def cell_of(report, agent, label):
-    found = report.cell(agent, label)
-    assert found is not None
-    return found
+    result = report.cell(agent, label)
+    assert result is not None
+    return result
 
 
 def test_a_cell_by_hand(tmp_path):
-    found = [
+    items = [
         *scored("a", "clean", [1, 1, 1, 0]),
         *scored("a", "marks", [1, 0, 0, 0]),
         *scored("recovering", "marks", [1, 1, 1, 0]),
     ]
-    report = build_report(read_run(tmp_path / "run", found))
+    report = build_report(read_run(tmp_path / "run", items))
     cell = cell_of(report, "a", "marks")
     assert (cell.n, cell.tasks, cell.success, cell.delta) == (4, 4, 0.25, -0.5)
     assert cell.retention == pytest.approx(1 / 3)
@@ -57,13 +57,13 @@ def test_a_cell_by_hand(tmp_path):
 
 def test_power_is_that_of_the_paired_t_test(tmp_path):
     marks = [0.0, 1.0] * 10
-    found = [*scored("a", "clean", [1.0] * 20), *scored("a", "marks", marks)]
-    cell = cell_of(build_report(read_run(tmp_path / "run", found)), "a", "marks")
+    items = [*scored("a", "clean", [1.0] * 20), *scored("a", "marks", marks)]
+    cell = cell_of(build_report(read_run(tmp_path / "run", items)), "a", "marks")
     spread = stats.tstd([score - 1 for score in marks])
     shift = cell.detectable / spread * 20**0.5
     limit = stats.t.ppf(0.975, 19)
-    seen = stats.nct.sf(limit, 19, shift) + stats.nct.cdf(-limit, 19, shift)
-    assert seen == pytest.approx(0.8, abs=1e-4)
+    calls = stats.nct.sf(limit, 19, shift) + stats.nct.cdf(-limit, 19, shift)
+    assert calls == pytest.approx(0.8, abs=1e-4)
 
 
 def test_an_agent_over_the_ten_conditions(tmp_path):
@@ -92,23 +92,23 @@ def test_an_agent_over_the_ten_conditions(tmp_path):
     ],
 )
 def test_the_worst_corruption_is_one_that_is_worse_than_another(solved, worst, least, tmp_path):
-    found = [
+    values = [
         record
         for label, count in solved.items()
         for record in scored("a", label, [float(n < count) for n in range(10)])
     ]
-    report = build_report(read_run(tmp_path / "run", found))
+    report = build_report(read_run(tmp_path / "run", values))
     (row,) = report.summaries
     assert report.worst_corruptions("a") == worst
     assert (row.worst, row.worst_success) == (worst[0] if worst else None, least)
-    said = terminal.text(ReportDocument(report=report, full=True))
+    output = terminal.text(ReportDocument(report=report, full=True))
     if least is None:
-        assert "worst" not in said
+        assert "worst" not in output
     elif not worst:
-        assert "a: corrupted" in said
-        assert ", worst none" in said
+        assert "a: corrupted" in output
+        assert ", worst none" in output
     else:
-        assert f", worst {', '.join(worst)} {100 * least:.1f}" in said
+        assert f", worst {', '.join(worst)} {100 * least:.1f}" in output
     (panel,) = success_panels(report)
     marked = [bar.label for bar in panel.bars if bar.kind == "worst"]
     assert marked == (list(worst) if len(solved) > 2 else [])
@@ -162,14 +162,14 @@ def test_parameters_that_are_not_the_papers_are_named(tmp_path):
 
 
 def test_mce_is_the_mean_ratio_of_errors(tmp_path):
-    found = [
+    items = [
         *scored("a", "clean", [1, 1]),
         *scored("a", "marks", [1, 0]),  # error 1/2
         *scored("a", "subtitle", [1, 1]),  # error 0
         *scored("weak", "marks", [0, 0]),  # error 1
         *scored("weak", "subtitle", [1, 0]),  # error 1/2
     ]
-    run = read_run(tmp_path / "run", found)
+    run = read_run(tmp_path / "run", items)
     report = build_report(run, reference="weak")
     mce = {row.agent: row.mce for row in report.summaries}
     assert mce == {"a": pytest.approx(0.25), "weak": pytest.approx(1.0)}
@@ -181,16 +181,16 @@ def test_mce_is_the_mean_ratio_of_errors(tmp_path):
 
 
 def test_pass_hat_k_over_seeds(tmp_path):
-    found = [
+    values = [
         record
         for seed, scores in enumerate(([1, 1, 0], [1, 0, 0], [1, 1, 0]))
         for record in scored("a", "clean", scores, seed)
     ]
-    cell = cell_of(build_report(read_run(tmp_path / "run", found)), "a", "clean")
+    cell = cell_of(build_report(read_run(tmp_path / "run", values)), "a", "clean")
     # t0 is solved by all three seeds, t1 by two, t2 by none: C(2, k) / C(3, k) for t1.
     assert cell.pass_hat == pytest.approx(((3 + 2) / 9, (1 + 1 / 3) / 3, 1 / 3))
     assert (cell.n, cell.tasks) == (9, 3)
-    fewer = [record for record in found if (record["task"], record["seed"]) != ("t2-2", 2)]
+    fewer = [record for record in values if (record["task"], record["seed"]) != ("t2-2", 2)]
     cell = cell_of(build_report(read_run(tmp_path / "fewer", fewer)), "a", "clean")
     assert len(cell.pass_hat) == 2  # as many seeds as every task has
 
@@ -198,27 +198,27 @@ def test_pass_hat_k_over_seeds(tmp_path):
 def test_errors_invalid_and_what_was_used(tmp_path):
     usage = {"requests": 2, "input_tokens": 1000, "output_tokens": 50, "usd": 0.25}
     invalid = {"status": "invalid", "score": None, "usage": usage}
-    found = [
+    items = [
         made("a", "t0", usage=usage),
         made("a", "t1", score=None, cause="agent", usage=usage),
         made("a", "t2", **invalid),
     ]
-    report = build_report(read_run(tmp_path / "run", found))
+    report = build_report(read_run(tmp_path / "run", items))
     (cell,) = report.cells
     assert (cell.n, cell.success, cell.errors, cell.invalid) == (2, 0.5, 1, 1)
     # What an invalid episode used was paid for, too.
     assert (cell.requests, cell.input_tokens, cell.output_tokens) == (6, 3000, 150)
     assert (cell.usd, report.summaries[0].usd) == (0.75, 0.75)
-    found[1]["usage"] = usage | {"usd": None}
-    (cell,) = build_report(read_run(tmp_path / "other", found)).cells
+    items[1]["usage"] = usage | {"usd": None}
+    (cell,) = build_report(read_run(tmp_path / "other", items)).cells
     assert (cell.requests, cell.usd) == (6, None)
 
 
 def test_feasible_and_infeasible_apart(tmp_path):
-    found = scored("a", "clean", [1, 1, 0, 0])
-    for record in found[3:]:
+    result = scored("a", "clean", [1, 1, 0, 0])
+    for record in result[3:]:
         record["infeasible"] = True
-    report = build_report(read_run(tmp_path / "run", found))
+    report = build_report(read_run(tmp_path / "run", result))
     assert [cell.n for cell in (*report.cells, *report.feasible, *report.infeasible)] == [4, 3, 1]
     assert report.feasible[0].success == pytest.approx(2 / 3)
     assert report.infeasible[0].success == 0
@@ -227,16 +227,16 @@ def test_feasible_and_infeasible_apart(tmp_path):
 def test_the_mean_over_corruptions_counts_each_task_once():
     # Two cells of the same tasks, perfectly alike: as uncertain as one of them.
     scores = [1.0] * 30 + [0.0] * 70
-    one = (scores, list(range(100)))
-    twice = statistics.grand_mean_interval([one, one])
-    single = statistics.mean_interval(*one)
+    items = (scores, list(range(100)))
+    twice = statistics.grand_mean_interval([items, items])
+    single = statistics.mean_interval(*items)
     assert (twice.value, twice.low, twice.high) == (0.3, single.low, single.high)
     # Opposite cells cancel out: every task has the same mean.
     opposite = ([1 - score for score in scores], list(range(100)))
-    still = statistics.grand_mean_interval([one, opposite])
+    still = statistics.grand_mean_interval([items, opposite])
     assert still.value == 0.5
     assert still.high - 0.5 == pytest.approx(0.5 - still.low)
-    uneven = statistics.grand_mean_interval([one, ([1.0], [0])])
+    uneven = statistics.grand_mean_interval([items, ([1.0], [0])])
     assert uneven.value == pytest.approx(0.65)
     assert 0 < uneven.low < 0.65 < uneven.high <= 1
 
@@ -292,11 +292,11 @@ def alike(agent, corruption, scores, seeds):
 
 def test_p_takes_each_task_as_one_case_whatever_its_seeds(tmp_path):
     def p(seeds):
-        found = [
+        items = [
             *alike("a", "clean", [1] * 8, seeds),
             *alike("a", "marks", [0] * 4 + [1] * 4, seeds),
         ]
-        return cell_of(build_report(read_run(tmp_path / str(seeds), found)), "a", "marks").p
+        return cell_of(build_report(read_run(tmp_path / str(seeds), items)), "a", "marks").p
 
     assert (p(1), p(3)) == (0.125, 0.125)
 
@@ -318,8 +318,8 @@ def test_notes_say_what_numbers_do_not_mean(tmp_path):
 
 
 def test_a_run_of_infeasible_tasks_alone_has_one_table_more(tmp_path):
-    found = [{**record, "infeasible": True} for record in scored("a", "clean", [1, 0])]
-    document = ReportDocument(report=build_report(read_run(tmp_path / "run", found)), full=True)
+    values = [{**record, "infeasible": True} for record in scored("a", "clean", [1, 0])]
+    document = ReportDocument(report=build_report(read_run(tmp_path / "run", values)), full=True)
     for format in ("terminal", "markdown", "html"):
         text = formats.write(document, format).lower()
         assert "infeasible tasks" in text
@@ -391,12 +391,12 @@ def test_a_finished_report_has_no_seeds_to_choose(tmp_path):
 
 
 def test_scores_by_name(tmp_path):
-    found = [
+    items = [
         *whole("a", SOLVED),
         *whole("b", SOLVED | {"clean": 10, "marks": 2}),
         *whole("do_nothing", dict.fromkeys(CONDITIONS, 0)),
     ]
-    report = build_report(read_run(tmp_path / "run", found))
+    report = build_report(read_run(tmp_path / "run", items))
     named = scores_by_name(report)
     # The lesser of both agents; the reference agent does not count.
     assert named["clean"] == 0.8
@@ -414,8 +414,8 @@ def test_scores_by_name(tmp_path):
 
 
 def test_of_two_agents_the_greater_error_counts(tmp_path):
-    found = [made("a", "t0", malformed=0), made("b", "t0", malformed=3, score=None)]
-    named = scores_by_name(build_report(read_run(tmp_path / "run", found)))
+    items = [made("a", "t0", malformed=0), made("b", "t0", malformed=3, score=None)]
+    named = scores_by_name(build_report(read_run(tmp_path / "run", items)))
     assert (named["errors"], named["malformed"], named["clean"]) == (1, 0.75, 0)
 
 

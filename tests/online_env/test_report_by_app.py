@@ -25,13 +25,13 @@ def played(agent, label, scores, **more):
 
 @pytest.fixture
 def report(tmp_path):
-    found = [
+    items = [
         *played("b", "clean", [1, 1, 1, 0]),
         *played("b", "marks", [0, 1, 0.5, 0]),
         *played("b", "subtitle", [0, 0, 0, 1]),
         *played("a", "clean", [1, 0]),
     ]
-    return build_report(read_run(tmp_path / "run", found))
+    return build_report(read_run(tmp_path / "run", items))
 
 
 def test_each_application_has_its_clean_and_its_corrupted_success(report):
@@ -45,12 +45,12 @@ def test_each_application_has_its_clean_and_its_corrupted_success(report):
 
 def test_only_the_last_attempt_counts_and_nothing_that_is_invalid(tmp_path):
     (again,) = played("a", "clean", [1])
-    found = [
+    items = [
         *played("a", "clean", [0, 1, 1]),
         again | {"attempt": 1, "id": again["id"] + "__a1"},
         *(record | {"status": "invalid", "score": None} for record in played("a", "marks", [1])),
     ]
-    report = build_report(read_run(tmp_path / "run", found))
+    report = build_report(read_run(tmp_path / "run", items))
     assert [(row.app, row.clean, row.corrupted) for row in report.applications] == [
         ("geany", 1.0, None),
         ("several", 1.0, None),
@@ -58,8 +58,8 @@ def test_only_the_last_attempt_counts_and_nothing_that_is_invalid(tmp_path):
 
 
 def test_variants_are_one_task(tmp_path):
-    found = [record for seed in range(3) for record in played("a", "clean", [1, 0, 1], seed=seed)]
-    report = build_report(read_run(tmp_path / "run", found, seeds=[0, 1, 2]))
+    values = [record for seed in range(3) for record in played("a", "clean", [1, 0, 1], seed=seed)]
+    report = build_report(read_run(tmp_path / "run", values, seeds=[0, 1, 2]))
     assert [(row.app, row.tasks) for row in report.applications] == [("geany", 2), ("several", 1)]
 
 

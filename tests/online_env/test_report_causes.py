@@ -50,13 +50,13 @@ def played(run_folder, label, code, score, lines=(), **more):
     steps = [
         {
             "step": step,
-            "raw": each,
-            "code": each,
+            "raw": value,
+            "code": value,
             "error": None,
             "image_sha256": "a",
             "seen_sha256": "a",
         }
-        for step, each in enumerate([*code, None])
+        for step, value in enumerate([*code, None])
     ]
     for step, fields in dict(lines).items():
         steps[step] |= fields
@@ -83,13 +83,13 @@ def explained(tmp_path, code, lines=(), label="verification", steps=True, **more
 
 def test_each_rule_explains_an_episode_of_its_kind(tmp_path):
     unread = {"error": "no such action"}
-    seen = {"seen_sha256": "b"}
+    entries = {"seen_sha256": "b"}
     request = {"policy": "repair", "requests": 1, "false_alarms": 0, "repaired": 1, "free": 0}
     helped = {"raw": "REINIT", "code": "REINIT", "result": {"helped": True}}
     vain = {**helped, "result": {"helped": False}}
     lock = {"effects": locked()}
     near = [f"pyautogui.click({100 * n + 7}, 46)" for n in range(1, 5)] + ["DONE"]
-    pop_ups = {step: seen | {"plan": POP_UP} for step in range(5)}
+    pop_ups = {step: entries | {"plan": POP_UP} for step in range(5)}
     inside = [*CLEAN_CODE[:2], "pyautogui.click(800, 600)", *CLEAN_CODE[3:]]
     cases = {
         "failed": (CLEAN_CODE[:3], {}, {"effects": locked(), "score": None}, (2,)),
@@ -113,13 +113,15 @@ def test_each_rule_explains_an_episode_of_its_kind(tmp_path):
     for cause, (code, lines, more, turns) in cases.items():
         assert explained(tmp_path / cause, code, lines, **more) == (cause, turns)
     # a pop-up is only drawn, but a click where the agent clicks clean is not made on it
-    on_target = {0: seen | {"plan": {"ops": [{"op": "paste", "sprite": SPRITE, "at": [[90, 40]]}]}}}
-    asked = lock | {"recovery": request | {"policy": "none", "repaired": 0}}
+    on_target = {
+        0: entries | {"plan": {"ops": [{"op": "paste", "sprite": SPRITE, "at": [[90, 40]]}]}}
+    }
+    requests = lock | {"recovery": request | {"policy": "none", "repaired": 0}}
     more_cases = {
         "never saw it": (CLEAN_CODE, on_target, {"label": "pop_ups"}, (0,)),
         "recovered too late": ([OTHER] * 6, {}, {"effects": locked(held=False)}, ()),
         "stopped early": (CLEAN_CODE[2:], {}, {"inputs": [FAULT]}, (2,)),
-        "saw it and went on": ([OTHER] * 6, {3: vain}, asked, (3,)),
+        "saw it and went on": ([OTHER] * 6, {3: vain}, requests, (3,)),
     }
     for cause, (code, lines, more, turns) in more_cases.items():
         assert explained(tmp_path / f"{cause} again", code, lines, **more) == (cause, turns)
@@ -182,10 +184,10 @@ def test_causes_are_in_the_forms_that_show_them(tmp_path):
     assert row in report.causes
     assert from_data(json.loads(json.dumps(report.to_data())), "again") == report
     document = ReportDocument(report=report, full=True)
-    said = "a: 2 of 2 corrupted episodes were disturbed, and 2 of these scored less than clean."
+    output = "a: 2 of 2 corrupted episodes were disturbed, and 2 of these scored less than clean."
     for name in ("terminal", "markdown", "html"):
         text = formats.write(document, name)
-        assert said in text
+        assert output in text
         assert "stopped early" in text
     assert "| a | stopped early | 2 | 100.0 | 1 |" in formats.write(document, "markdown")
     for words, shows in (([], False), (["--full"], True)):

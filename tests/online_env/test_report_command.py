@@ -23,15 +23,15 @@ def hijack(capsys, *words):
     """Run a command in this process: exit code, output, errors."""
     with pytest.raises(SystemExit) as ended:
         main([str(word) for word in words])
-    said = capsys.readouterr()
-    return ended.value.code, said.out, said.err
+    output = capsys.readouterr()
+    return ended.value.code, output.out, output.err
 
 
 @pytest.fixture
 def log(tmp_path):
     """Episodes that an environment logged by itself: clean 1.0, marks 0.25, no `run.json`."""
-    found = [*scored("mine", "clean", [1, 1, 1, 1]), *scored("mine", "marks", [1, 0, 0, 0])]
-    for record in found:
+    items = [*scored("mine", "clean", [1, 1, 1, 1]), *scored("mine", "marks", [1, 0, 0, 0])]
+    for record in items:
         folder = tmp_path / "log" / "episodes" / record["id"]
         folder.mkdir(parents=True)
         (folder / "episode.json").write_text(json.dumps(record))
@@ -163,12 +163,12 @@ def test_rows_go_to_a_file_and_a_run_that_is_refused_leaves_the_file_as_it_was(
     two, capsys, tmp_path
 ):
     path = tmp_path / "rows.json"
-    _, shown, _ = hijack(capsys, "report", two[0], "--json")
+    _, value, _ = hijack(capsys, "report", two[0], "--json")
     code, out, _ = hijack(capsys, "report", two[0], "--json", "-o", path)
     assert (code, out) == (0, f"wrote {path}\n")
-    assert path.read_text() == shown
+    assert path.read_text() == value
     code, _, _ = hijack(capsys, "report", tmp_path / "no run", "--json", "-o", path)
-    assert (code, path.read_text()) == (2, shown)
+    assert (code, path.read_text()) == (2, value)
 
 
 # Notes
@@ -189,11 +189,11 @@ def test_a_note_counts_episodes_that_ended_before_their_corruption_was_due(tmp_p
         made("a", "t0", "clean", effects=[]),
     ]
     entries = ["clean", "marks", {"app_minimization": {"as": "small"}}]
-    said = (
+    output = (
         "2 episodes with a score ended before their corruption was due: they count as they are"
         " (a under small 2 of 4)."
     )
-    assert said in report_notes(tmp_path / "early", early, corruptions=entries)
+    assert output in report_notes(tmp_path / "early", early, corruptions=entries)
     alike = [*early[1:2], *early[3:]]
     notes = report_notes(tmp_path / "alike", alike, corruptions=entries)
     assert not any("before their corruption" in note for note in notes)
@@ -202,26 +202,26 @@ def test_a_note_counts_episodes_that_ended_before_their_corruption_was_due(tmp_p
 
 
 def test_a_note_says_that_agents_were_not_played_under_the_same_conditions(tmp_path):
-    said = "The agents were not played under the same conditions: their means differ in kind."
+    output = "The agents were not played under the same conditions: their means differ in kind."
     uneven = [made("a", "t0"), made("a", "t0", "marks"), made("b", "t0")]
-    assert said in report_notes(tmp_path / "uneven", uneven)
+    assert output in report_notes(tmp_path / "uneven", uneven)
     even = [*uneven, made("b", "t0", "marks")]
-    assert said not in report_notes(tmp_path / "even", even)
+    assert output not in report_notes(tmp_path / "even", even)
 
 
 def test_a_note_says_what_a_run_without_the_clean_condition_lacks(tmp_path):
-    said = "The run has no clean condition, so there is no delta, no retention and no test."
-    assert said in report_notes(tmp_path / "marks", [made("a", "t0", "marks")])
+    output = "The run has no clean condition, so there is no delta, no retention and no test."
+    assert output in report_notes(tmp_path / "marks", [made("a", "t0", "marks")])
     both = [made("a", "t0"), made("a", "t0", "marks")]
-    assert said not in report_notes(tmp_path / "both", both)
+    assert output not in report_notes(tmp_path / "both", both)
 
 
 def test_without_scipy_a_report_has_the_numbers_and_says_what_it_lacks(tmp_path, monkeypatch):
     monkeypatch.setattr(scores, "can_infer", lambda: False)
-    found = [*scored("a", "clean", [1, 1]), *scored("a", "marks", [1, 0])]
-    report = build_report(read_run(tmp_path / "run", found))
-    said = "Without intervals and tests: scipy is not installed."
-    assert said in report.notes
+    items = [*scored("a", "clean", [1, 1]), *scored("a", "marks", [1, 0])]
+    report = build_report(read_run(tmp_path / "run", items))
+    output = "Without intervals and tests: scipy is not installed."
+    assert output in report.notes
     cell = report.cell("a", "marks")
     assert (cell.success, cell.delta, cell.retention) == (0.5, -0.5, 0.5)
     lacking = ("ci_low", "ci_high", "delta_low", "delta_high", "p", "retention_low", "detectable")
@@ -236,37 +236,37 @@ def test_without_scipy_a_report_has_the_numbers_and_says_what_it_lacks(tmp_path,
 
 
 def test_a_comparison_needs_episodes_in_both_runs(tmp_path):
-    there = read_run(tmp_path / "there", [made("a", "t0")])
+    run = read_run(tmp_path / "there", [made("a", "t0")])
     empty = read_run(tmp_path / "empty", [])
-    for runs in ((there, empty), (empty, there)):
+    for runs in ((run, empty), (empty, run)):
         with pytest.raises(ReportError) as error:
             compare_runs(*runs)
-        said = f"{tmp_path / 'empty'}: holds no episodes yet, so there is nothing to pair"
-        assert str(error.value) == said
+        output = f"{tmp_path / 'empty'}: holds no episodes yet, so there is nothing to pair"
+        assert str(error.value) == output
 
 
 def test_a_comparison_of_partial_scores_says_what_its_test_makes_of_them(tmp_path):
     old = read_run(tmp_path / "old", scored("a", "clean", [0.5, 1]))
     new = read_run(tmp_path / "new", scored("a", "clean", [0.25, 0.75]))
-    said = (
+    output = (
         "3 scores are between 0 and 1: p takes them for not solved, so it may miss a difference"
         " that the intervals show."
     )
-    assert said in compare_runs(old, new).notes
+    assert output in compare_runs(old, new).notes
 
 
 def test_a_comparison_names_which_conditions_show_no_difference_and_which_do(tmp_path):
     old = [*scored("a", "clean", [1.0] * 12), *scored("a", "marks", [1.0] * 12)]
     new = [*scored("a", "clean", [0.0] * 12), *scored("a", "marks", [0.0] + [1.0] * 11)]
-    found = compare_runs(read_run(tmp_path / "old", old), read_run(tmp_path / "new", new))
-    (note,) = (note for note in found.notes if "no difference is shown" in note)
-    detectable = found.cells[1].detectable
+    result = compare_runs(read_run(tmp_path / "old", old), read_run(tmp_path / "new", new))
+    (note,) = (note for note in result.notes if "no difference is shown" in note)
+    detectable = result.cells[1].detectable
     assert note.startswith(
         f"a: no difference is shown under marks ({100 * detectable:.1f} points). In brackets"
     )
     renamed = [{**record, "agent": "b", "id": f"b-{record['id']}"} for record in new]
-    other = compare_runs(read_run(tmp_path / "o", old), read_run(tmp_path / "n", renamed))
-    assert any(note.startswith("a and b: no difference is shown") for note in other.notes)
+    second = compare_runs(read_run(tmp_path / "o", old), read_run(tmp_path / "n", renamed))
+    assert any(note.startswith("a and b: no difference is shown") for note in second.notes)
 
 
 # Beside the paper
@@ -275,9 +275,9 @@ LOSSES = "compare the losses, not the levels."
 
 
 def test_beside_the_papers_table_stands_what_ours_is(tmp_path):
-    found = [*scored("a", "clean", [1, 0]), *scored("a", "marks", [1, 1])]
+    items = [*scored("a", "clean", [1, 0]), *scored("a", "marks", [1, 1])]
     entries = ["clean", {"marks": {"number": 3}}]
-    report = build_report(read_run(tmp_path / "run", found, corruptions=entries))
+    report = build_report(read_run(tmp_path / "run", items, corruptions=entries))
     live = compare_with_paper(report)
     assert live.notes[:2] == (
         f"Ours: 2 tasks on the provider 'embedded'. Other tasks, so {LOSSES}",
@@ -296,9 +296,9 @@ def test_beside_the_papers_table_stands_what_ours_is(tmp_path):
 
 
 def test_another_corruption_under_a_name_of_the_papers_is_no_column_of_it(tmp_path):
-    found = [*scored("a", "clean", [1]), *scored("a", "marks", [1]), *scored("b", "marks", [0])]
+    items = [*scored("a", "clean", [1]), *scored("a", "marks", [1]), *scored("b", "marks", [0])]
     entries = ["clean", {"subtitle": {"as": "marks"}}]
-    report = build_report(read_run(tmp_path / "run", found, corruptions=entries))
+    report = build_report(read_run(tmp_path / "run", items, corruptions=entries))
     assert [row.success for row in compare_with_paper(report).rows[-2:]] == [{"clean": 1.0}, {}]
 
 
@@ -312,8 +312,8 @@ def test_our_average_beside_the_papers_is_over_its_ten_columns(tmp_path):
 
 
 def test_a_model_card_has_percent_with_two_digits_and_what_is_known(tmp_path):
-    found = [*scored("a", "clean", [1, 1, 0]), *scored("a", "marks", [1, 0, 0])]
-    report = build_report(read_run(tmp_path / "run", found, seeds=[0]))
+    items = [*scored("a", "clean", [1, 1, 0]), *scored("a", "marks", [1, 0, 0])]
+    report = build_report(read_run(tmp_path / "run", items, seeds=[0]))
     text = formats.write(ReportDocument(report=report), "model-index")
     assert "value: 66.67\n" in text  # clean success
     assert "value: 33.33\n" in text  # that under marks
@@ -385,9 +385,9 @@ def test_a_gate_judges_something(two, capsys):
 def test_what_an_agent_printed_does_not_control_the_terminal(tmp_path, capsys):
     """Its words reach the report as text: in tables, notes, lists of failures and messages."""
     hostile = "\x1b]0;owned\x07\x1b[2J\x9b31m\u202eevil"
-    found = [*scored("a", "clean", [1, 1]), *scored(hostile, "marks", [1, None])]
-    found[-1]["problem"] = f"the agent raised {hostile}"
-    folder = run_of(tmp_path / "run", found)
+    items = [*scored("a", "clean", [1, 1]), *scored(hostile, "marks", [1, None])]
+    items[-1]["problem"] = f"the agent raised {hostile}"
+    folder = run_of(tmp_path / "run", items)
     for words in (["report"], ["report", "--format", "markdown"], ["verify"]):
         _, out, err = hijack(capsys, words[0], folder, *words[1:])
         printed = out + err

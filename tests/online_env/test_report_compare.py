@@ -29,8 +29,8 @@ def hijack(capsys, *words):
     """Run a command in this process: exit code, output, errors."""
     with pytest.raises(SystemExit) as ended:
         main([str(word) for word in words])
-    said = capsys.readouterr()
-    return ended.value.code, said.out, said.err
+    output = capsys.readouterr()
+    return ended.value.code, output.out, output.err
 
 
 def test_cases_are_paired_by_task_corruption_and_seed(tmp_path):
@@ -41,8 +41,8 @@ def test_cases_are_paired_by_task_corruption_and_seed(tmp_path):
         *scored("a", "subtitle", [1]),
     ]
     after = [*scored("a", "clean", [1, 0, 1, 1]), *scored("a", "marks", [1, 1, 1, 1, 1, 1])]
-    found = compare_runs(read_run(tmp_path / "old", before), read_run(tmp_path / "new", after))
-    clean, marks, subtitle = found.cells
+    result = compare_runs(read_run(tmp_path / "old", before), read_run(tmp_path / "new", after))
+    clean, marks, subtitle = result.cells
     assert (clean.n, clean.success_before, clean.success_after) == (4, 0.5, 0.75)
     assert (clean.difference, clean.p) == (0.25, 1.0)  # one lost, two won
     assert (marks.n, marks.only_before, marks.only_after) == (6, 2, 0)
@@ -50,36 +50,36 @@ def test_cases_are_paired_by_task_corruption_and_seed(tmp_path):
     assert marks.p == pytest.approx(2 * 2 / 2**6)  # Holm: the lesser of two tests counts twice
     assert (marks.low, marks.high) == (pytest.approx(0.448, abs=1e-3), 1)  # Newcombe's
     assert (subtitle.n, subtitle.only_before, subtitle.p) == (0, 1, None)
-    assert "3 cases that only" in found.notes[0]
-    said = "differ in their settings, too (tasks, corruptions), first in this: tasks was "
-    assert said in found.notes[1]
-    assert "a: no difference is shown under clean (" in found.notes[2]
+    assert "3 cases that only" in result.notes[0]
+    output = "differ in their settings, too (tasks, corruptions), first in this: tasks was "
+    assert output in result.notes[1]
+    assert "a: no difference is shown under clean (" in result.notes[2]
 
 
 def test_all_that_differs_between_two_runs_is_named(tmp_path):
-    one = read_run(tmp_path / "one", scored("a", "marks", [1, 0]), corruptions=["marks"])
+    run = read_run(tmp_path / "one", scored("a", "marks", [1, 0]), corruptions=["marks"])
     louder = [{"marks": {"number": 99}}]
-    other = read_run(
+    second = read_run(
         tmp_path / "other", scored("a", "marks", [1, 0]), corruptions=louder, max_steps=50
     )
-    (said, *_) = compare_runs(one, other).notes
-    assert "differ in their settings, too (corruptions, max_steps), first in this" in said
+    (output, *_) = compare_runs(run, second).notes
+    assert "differ in their settings, too (corruptions, max_steps), first in this" in output
     head = tmp_path / "other" / "run.json"
     data = json.loads(head.read_text())
     head.write_text(json.dumps(data | {"versions": {**data["versions"], "agenthijack": "9.0"}}))
-    notes = compare_runs(one, read(tmp_path / "other")).notes
+    notes = compare_runs(run, read(tmp_path / "other")).notes
     assert "other with 9.0: tasks and corruptions may have changed." in "\n".join(notes)
 
 
 def test_notes_name_runs_and_not_where_they_lie(tmp_path):
-    one = read_run(tmp_path / "old", [*scored("a", "clean", [1, 0]), *scored("b", "clean", [1])])
-    other = read_run(tmp_path / "new", scored("a", "clean", [1]))
-    notes = "\n".join(compare_runs(one, other).notes)
+    run = read_run(tmp_path / "old", [*scored("a", "clean", [1, 0]), *scored("b", "clean", [1])])
+    second = read_run(tmp_path / "new", scored("a", "clean", [1]))
+    notes = "\n".join(compare_runs(run, second).notes)
     assert "Only in old: b." in notes
     assert "1 cases that only old has, 0 that only new has" in notes
     assert str(tmp_path) not in notes
     same = read_run(tmp_path / "deep" / "old", scored("a", "clean", [1]))
-    assert "Only in old (before): b." in compare_runs(one, same).notes
+    assert "Only in old (before): b." in compare_runs(run, same).notes
 
 
 def test_intervals_are_those_of_paired_differences(tmp_path):
@@ -88,18 +88,18 @@ def test_intervals_are_those_of_paired_differences(tmp_path):
     runs = [read_run(tmp_path / name, scored("a", "x", s)) for name, s in (("o", old), ("n", new))]
     (cell,) = compare_runs(*runs).cells
     tasks = [f"t{number}" for number in range(30)]
-    wanted = statistics.difference_interval(old, new, tasks)
-    assert (cell.difference, cell.low, cell.high) == (wanted.value, wanted.low, wanted.high)
+    expected = statistics.difference_interval(old, new, tasks)
+    assert (cell.difference, cell.low, cell.high) == (expected.value, expected.low, expected.high)
     assert cell.p == statistics.mcnemar_by_task(old, new, tasks)
 
 
 def test_p_takes_each_task_as_one_case_whatever_its_seeds(tmp_path):
     def run(name, scores):
-        found = [*scored("a", "marks", scores), *scored("a", "marks", scores, seed=1)]
-        return read_run(tmp_path / name, found)
+        items = [*scored("a", "marks", scores), *scored("a", "marks", scores, seed=1)]
+        return read_run(tmp_path / name, items)
 
-    found = compare_runs(run("old", [1, 1, 1, 1, 0]), run("new", [0, 0, 0, 0, 0]))
-    assert found.cells[0].p == 0.125
+    result = compare_runs(run("old", [1, 1, 1, 1, 0]), run("new", [0, 0, 0, 0, 0]))
+    assert result.cells[0].p == 0.125
     # Where no size of a difference can be told, the note promises none.
     same = [scored("a", "marks", [1, 1, 1])] * 2
     (note,) = compare_runs(
@@ -109,14 +109,14 @@ def test_p_takes_each_task_as_one_case_whatever_its_seeds(tmp_path):
 
 
 def test_which_agents_are_compared(tmp_path):
-    one = read_run(tmp_path / "one", scored("a", "clean", [1, 0]))
-    other = read_run(tmp_path / "other", scored("b", "clean", [1, 1]))
-    both = read_run(tmp_path / "both", [*one.records, *other.records])
-    (cell,) = compare_runs(one, other).cells
+    run = read_run(tmp_path / "one", scored("a", "clean", [1, 0]))
+    second = read_run(tmp_path / "other", scored("b", "clean", [1, 1]))
+    both = read_run(tmp_path / "both", [*run.records, *second.records])
+    (cell,) = compare_runs(run, second).cells
     assert (cell.before, cell.after, cell.difference) == ("a", "b", 0.5)
-    (cell,) = compare_runs(one, both).cells
+    (cell,) = compare_runs(run, both).cells
     assert (cell.before, cell.after) == ("a", "a")
-    assert any(note.endswith("both: b.") for note in compare_runs(one, both).notes)
+    assert any(note.endswith("both: b.") for note in compare_runs(run, both).notes)
     (cell,) = compare_runs(both, both, {"a": "b"}).cells
     assert (cell.before, cell.after, cell.difference) == ("a", "b", 0.5)
     with pytest.raises(ReportError, match=r"--pair: 'c' is not in .*both \(a, b\)"):
@@ -210,8 +210,8 @@ def test_an_episode_that_is_there_twice_has_no_rank(runs):
     (board,) = rank_agents(read_reports(runs))
     ranks = {line.row.agent: (line.rank, line.reason) for line in board.lines}
     assert ranks["weak"] == (1, "")
-    said = "1 line of the run cannot be read"
-    assert ranks["strong"] == (None, said)
+    output = "1 line of the run cannot be read"
+    assert ranks["strong"] == (None, output)
 
 
 def test_a_finished_report_counts_as_a_run(runs, capsys, tmp_path):
@@ -219,16 +219,16 @@ def test_a_finished_report_counts_as_a_run(runs, capsys, tmp_path):
     _, out, _ = hijack(capsys, "report", tmp_path / "elsewhere" / "a", "--format", "json")
     (runs / "mine.report.json").write_text(out)
     (board,) = rank_agents(read_reports(runs))
-    found = [(line.place, line.rank) for line in board.lines if line.row.agent == "weak"]
-    assert found == [("a", 2), ("mine.report.json", 2)]  # alike, so they share the rank
+    values = [(line.place, line.rank) for line in board.lines if line.row.agent == "weak"]
+    assert values == [("a", 2), ("mine.report.json", 2)]  # alike, so they share the rank
 
 
 def test_a_run_and_its_own_report_count_once(runs, capsys):
     _, out, _ = hijack(capsys, "report", runs / "deep" / "b", "--format", "json")
     (runs / "b.report.json").write_text(out)
-    found = read_reports(runs)
-    assert found.problems == ()
-    (board,) = rank_agents(found)
+    reports = read_reports(runs)
+    assert reports.problems == ()
+    (board,) = rank_agents(reports)
     assert [(line.place, line.rank) for line in board.lines if line.rank] == [
         ("b.report.json", 1),
         ("a", 2),
@@ -239,9 +239,9 @@ def test_a_copy_from_while_the_run_went_on_is_named(runs):
     shutil.copytree(runs / "deep" / "b", runs / "copy")
     path = runs / "copy" / "records.jsonl"
     path.write_bytes(b"".join(path.read_bytes().splitlines(keepends=True)[:60]))
-    found = read_reports(runs)
-    assert [place for place, _ in found.reports] == ["a", "deep/b"]
-    assert found.problems == ("copy: is the run of deep/b, with other episodes",)
+    reports = read_reports(runs)
+    assert [place for place, _ in reports.reports] == ["a", "deep/b"]
+    assert reports.problems == ("copy: is the run of deep/b, with other episodes",)
 
 
 def test_symbolic_links_are_followed_once_and_never_up(runs, tmp_path, capsys):
@@ -295,8 +295,8 @@ def test_logs_without_a_head_are_not_ranked_against_each_other(tmp_path):
         text = formats.write(ReportDocument(report=build_report(log)), "json")
         (runs / f"{name}.report.json").write_text(text)
     (board,) = rank_agents(read_reports(runs))
-    said = "a log without run.json, so its setting is not known"
-    assert {(line.rank, line.reason) for line in board.lines} == {(None, said)}
+    output = "a log without run.json, so its setting is not known"
+    assert {(line.rank, line.reason) for line in board.lines} == {(None, output)}
 
 
 def test_tasks_of_one_name_from_other_files_are_other_tasks(runs):

@@ -26,7 +26,7 @@ def cell(label, success, agent="a", **more):
 
 
 def report_of(*cells, **more):
-    labels = {found.corruption: found.corruption for found in cells}
+    labels = {item.corruption: item.corruption for item in cells}
     identity = RunIdentity(name="run", kind="bench", corruptions=labels)
     return RunReport(run=identity, cells=cells, **more)
 
@@ -77,8 +77,8 @@ def test_bars_come_in_the_order_of_the_configuration_and_agents_without_scores_h
         cell("clean", 1.0, agent="b"),
         cell("lock", None),
     )
-    found = [(panel.agent, [bar.label for bar in panel.bars]) for panel in success_panels(report)]
-    assert found == [("a", ["clean", "lock"]), ("b", ["clean", "marks"])]
+    values = [(panel.agent, [bar.label for bar in panel.bars]) for panel in success_panels(report)]
+    assert values == [("a", ["clean", "lock"]), ("b", ["clean", "marks"])]
     assert retention_panels(report) == []
 
 
@@ -215,23 +215,23 @@ def ranked(*rows, **identity):
     """Rank agents of one run; returns ranks, reasons and the order."""
     run = RunIdentity(name="run", kind="bench", head_sha256="a" * 64, **identity)
     report = RunReport(run=run, summaries=rows)
-    found = ReportFolder(folder=None, reports=(("here", report),), problems=())
-    (board,) = rank_agents(found)
+    report_folder = ReportFolder(folder=None, reports=(("here", report),), problems=())
+    (board,) = rank_agents(report_folder)
     return [(line.rank, line.row.agent, line.reason) for line in board.lines]
 
 
 def test_agents_with_the_same_mean_share_a_rank_and_the_next_one_is_left_free():
-    found = ranked(
+    result = ranked(
         standing("last", 0.25),
         standing("tied", 0.5, clean=0.5),
         standing("tied too", 0.5, clean=0.75),
         standing("first", 0.75),
     )
-    assert found == [(1, "first", ""), (2, "tied too", ""), (2, "tied", ""), (4, "last", "")]
+    assert result == [(1, "first", ""), (2, "tied too", ""), (2, "tied", ""), (4, "last", "")]
 
 
 def test_agents_are_ranked_with_those_that_were_given_the_same_and_yardsticks_are_not():
-    found = ranked(
+    result = ranked(
         standing("oracle", 1.0),
         standing("told", 0.9, given=("task", "plan")),
         standing("pixel", 0.4, given=("plan",)),
@@ -242,7 +242,7 @@ def test_agents_are_ranked_with_those_that_were_given_the_same_and_yardsticks_ar
         standing("first", 0.5),
         standing("unplayed", None, clean=None),
     )
-    assert found == [
+    assert result == [
         (None, "oracle", "yardstick"),
         (1, "told", ""),
         (1, "pixel_onlooker", ""),
@@ -263,8 +263,8 @@ def test_agents_are_ranked_with_those_that_were_given_the_same_and_yardsticks_ar
     ],
 )
 def test_nobody_has_a_rank_in_a_run_that_is_not_whole(identity, why):
-    found = ranked(standing("a", 0.5), standing("b", 0.25), **identity)
-    assert found == [(None, "a", why), (None, "b", why)]
+    result = ranked(standing("a", 0.5), standing("b", 0.25), **identity)
+    assert result == [(None, "a", why), (None, "b", why)]
 
 
 def test_a_board_of_offline_steps_says_so_and_more_agents_come_first(tmp_path):

@@ -31,20 +31,20 @@ def hijack(capsys, *words):
     """Run a command in this process: exit code, output, errors."""
     with pytest.raises(SystemExit) as ended:
         main([str(word) for word in words])
-    said = capsys.readouterr()
-    return ended.value.code, said.out, said.err
+    output = capsys.readouterr()
+    return ended.value.code, output.out, output.err
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    found = [*whole("mine", SOLVED), *whole("recovering", dict.fromkeys(CONDITIONS, 9))]
-    return run_of(tmp_path_factory.mktemp("reported") / "run", found)
+    items = [*whole("mine", SOLVED), *whole("recovering", dict.fromkeys(CONDITIONS, 9))]
+    return run_of(tmp_path_factory.mktemp("reported") / "run", items)
 
 
 @pytest.fixture(scope="module")
 def hostile(tmp_path_factory):
-    found = [*scored(HOSTILE, "clean", [1, 1]), *scored(HOSTILE, "a|<b>_%", [1, 0])]
-    run = read_run(tmp_path_factory.mktemp("hostile") / "run", found)
+    items = [*scored(HOSTILE, "clean", [1, 1]), *scored(HOSTILE, "a|<b>_%", [1, 0])]
+    run = read_run(tmp_path_factory.mktemp("hostile") / "run", items)
     return ReportDocument(report=build_report(run))
 
 
@@ -123,10 +123,10 @@ def test_latex_with_the_paper_has_both_tables(folder, capsys):
 
 
 def test_latex_with_the_paper_says_what_agents_were_given_and_what_is_missing(tmp_path, capsys):
-    found = scored("mine", "clean", [1, 0])
+    result = scored("mine", "clean", [1, 0])
     folder = run_of(
         tmp_path / "run",
-        [record | {"given": ["plan"]} for record in found],
+        [record | {"given": ["plan"]} for record in result],
         tasks=["t0", "t1", "t2"],
     )
     (folder / "run.json").write_text(
@@ -138,23 +138,23 @@ def test_latex_with_the_paper_says_what_agents_were_given_and_what_is_missing(tm
 
 
 def test_every_form_says_who_asked_for_recovery(tmp_path, capsys):
-    asked = {"policy": "repair", "requests": 2, "false_alarms": 1, "repaired": 1}
+    requests = {"policy": "repair", "requests": 2, "false_alarms": 1, "repaired": 1}
     records = [
-        *(record | {"recovery": asked} for record in scored("mine", "marks", [1, 0])),
+        *(record | {"recovery": requests} for record in scored("mine", "marks", [1, 0])),
         *(
-            record | {"recovery": asked | {"requests": 0}}
+            record | {"recovery": requests | {"requests": 0}}
             for record in scored("calm", "marks", [1, 0])
         ),
     ]
     folder = run_of(tmp_path / "run", records, recovery="repair")
-    said = (
+    output = (
         "Recovery policy repair: mine asked 4 times to be re-initialised (2 false alarms), and 2"
         " were repaired."
     )
     for form in ("terminal", "json", "markdown", "html"):
         words = () if form == "terminal" else ("--format", form)
         _, out, _ = hijack(capsys, "report", folder, *words)
-        assert said in " ".join(out.split()), form
+        assert output in " ".join(out.split()), form
     _, out, _ = hijack(capsys, "report", folder, "--format", "latex")
     assert "Recovery policy: repair." in out
 
@@ -206,8 +206,8 @@ def test_what_is_published_of_a_run_says_what_is_missing(tmp_path):
 
 def test_names_are_no_formulas_and_no_commands(tmp_path):
     names = ("=1+1", "@sum", "-2", "\tx", "[3pt]", "a&amp;b~~$x$#1", "two\n\nlines")
-    found = [record for name in names for record in scored(name, "clean", [1, 0])]
-    document = ReportDocument(report=build_report(read_run(tmp_path / "run", found)))
+    values = [record for name in names for record in scored(name, "clean", [1, 0])]
+    document = ReportDocument(report=build_report(read_run(tmp_path / "run", values)))
     rows = list(csv.reader(io.StringIO(formats.write(document, "csv"))))[1:]
     assert [row[0] for row in rows] == ["'=1+1", "'@sum", "'-2", "'\tx", *names[4:]]
     assert not any(cell.startswith("'") for row in rows for cell in row[1:]), "numbers stay"
@@ -234,8 +234,8 @@ def test_counts_as_people_read_them(value, shown):
 
 def test_small_numbers_are_not_nothing(tmp_path):
     assert formatting.percent(-0.0001, "+") == "+0.0"
-    found = [*scored("a", "clean", [1.0] * 20), *scored("a", "marks", [0.0] * 20)]
-    document = ReportDocument(report=build_report(read_run(tmp_path / "run", found)))
+    items = [*scored("a", "clean", [1.0] * 20), *scored("a", "marks", [0.0] * 20)]
+    document = ReportDocument(report=build_report(read_run(tmp_path / "run", items)))
     assert " <0.001 " in formats.write(document, "terminal")
     assert " 0.000 " not in formats.write(document, "terminal")
 
@@ -280,11 +280,11 @@ def test_the_name_of_a_file_tells_the_format(folder, capsys, tmp_path):
 
 
 def test_a_scoring_run_shows_its_parts(tmp_path):
-    found = [
+    items = [
         made("a", "row", parts={"type": True, "place": False}, target_visible=0.25),
         made("a", "other", parts={"type": True}, target_visible=1.0),
     ]
-    run = read_run(tmp_path / "run", found, kind="score", question="steps")
+    run = read_run(tmp_path / "run", items, kind="score", question="steps")
     document = ReportDocument(report=build_report(run))
     lines = formats.write(document, "markdown").split("Right, by part:")[1].splitlines()
     assert lines[2].startswith("| agent | corruption | n | type, % | place, % | malformed, % ")
@@ -408,9 +408,9 @@ def test_an_empty_run_and_another_version_are_refused(tmp_path, capsys):
 
 
 def test_what_is_missing_is_said_and_exits_with_1(tmp_path, capsys):
-    found = [made("a", "t0")]
-    with records.create(tmp_path / "run", {"agents": ["a"]}, [found[0]["id"], "y", "z"]):
-        records.append_all(tmp_path / "run", found)
+    items = [made("a", "t0")]
+    with records.create(tmp_path / "run", {"agents": ["a"]}, [items[0]["id"], "y", "z"]):
+        records.append_all(tmp_path / "run", items)
     code, out, err = hijack(capsys, "report", tmp_path / "run", "-o", tmp_path / "r.md")
     assert (code, out) == (1, f"wrote {tmp_path / 'r.md'}\n")
     assert "1 of 3 planned episodes are there, 2 are missing" in err
@@ -434,13 +434,13 @@ def test_a_gate_judges_a_run_that_is_there(folder, capsys, tmp_path):
 
 def many_agents(tmp_path, agents, labels=CONDITIONS):
     """A run in which every agent solves all tasks clean, and none under a corruption."""
-    found = [
+    values = [
         record
         for agent in range(agents)
         for label in labels
         for record in scored(f"agent_{agent}", label, [float(label == "clean")] * 12)
     ]
-    return run_of(tmp_path / "many", found, corruptions=list(labels))
+    return run_of(tmp_path / "many", values, corruptions=list(labels))
 
 
 @pytest.mark.parametrize("columns", [72, 120])

@@ -58,12 +58,12 @@ def test_a_missing_score_is_invalid_and_what_is_no_result_is_refused(frame):
     missing = frame.astype({"reward": float})
     missing.loc[1, "reward"] = None
     assert [(c.n, c.invalid) for c in compare(missing, **NAMES).cells] == [(60, 0), (59, 1)]
-    for change, said in (
+    for change, output in (
         ({"task": "idd"}, "no column 'idd'; did you mean 'id'.*compare.table, task="),
         ({"score": "noise"}, "the table: row 1: the score 'none' is no number|score"),
         ({"clean": "no"}, "no condition 'no'"),
     ):
-        with pytest.raises(OutcomeError, match=said):
+        with pytest.raises(OutcomeError, match=output):
             compare(frame, **(NAMES | change))
     with pytest.raises(OutcomeError, match=r"score 2 is not in 0..1"):
         compare(frame.assign(reward=2), **NAMES)

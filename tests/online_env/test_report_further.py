@@ -32,9 +32,9 @@ def spent(label, steps, seed=0, score=1.0):
 def test_steps_and_tokens_have_scipys_paired_interval_and_holm_by_measure(tmp_path):
     rng = np.random.default_rng(0)
     clean, marks, pop_ups = rng.integers(2, 20, (3, 24))
-    found = [*spent("clean", clean), *spent("marks", marks), *spent("pop_ups", pop_ups)]
-    found += [*spent("clean", clean, 1), *spent("marks", marks + 2, 1)]
-    report = build_report(read_run(tmp_path / "run", found, seeds=[0, 1]))
+    items = [*spent("clean", clean), *spent("marks", marks), *spent("pop_ups", pop_ups)]
+    items += [*spent("clean", clean, 1), *spent("marks", marks + 2, 1)]
+    report = build_report(read_run(tmp_path / "run", items, seeds=[0, 1]))
     rows = {(row.corruption, row.measure): row for row in report.measures}
     assert set(rows) == {
         (label, name)
@@ -58,8 +58,8 @@ def test_steps_and_tokens_have_scipys_paired_interval_and_holm_by_measure(tmp_pa
 @pytest.mark.parametrize("lost", [0, 1, 4])
 def test_equivalence_is_scipys_binomial_test_where_tasks_are_only_lost(tmp_path, lost):
     scores = [0.0] * lost + [1.0] * (100 - lost)
-    found = [*scored("a", "clean", [1.0] * 100), *scored("a", "marks", scores)]
-    report = build_report(read_run(tmp_path / "run", found), margin=0.1)
+    items = [*scored("a", "clean", [1.0] * 100), *scored("a", "marks", scores)]
+    report = build_report(read_run(tmp_path / "run", items), margin=0.1)
     (row,) = report.equivalences
     expected = stats.binomtest(100 - lost, 100, 0.9, alternative="greater").pvalue
     assert (row.margin, row.loss, row.p) == pytest.approx((0.1, lost / 100, expected))
@@ -68,15 +68,15 @@ def test_equivalence_is_scipys_binomial_test_where_tasks_are_only_lost(tmp_path,
 def test_a_curve_has_the_area_over_five_severities(tmp_path):
     marks = find_corruption("marks")
     levels = {f"marks_{level}": marks.at(level).params() for level in range(1, 6)}
-    corruptions = ["clean", *({"marks": {"as": name, **own}} for name, own in levels.items())]
-    found = []
+    corruptions = ["clean", *({"marks": {"as": name, **value}} for name, value in levels.items())]
+    items = []
     for agent, least in (("a", 5), ("b", 3)):
-        found += scored(agent, "clean", [1.0] * 20)
+        items += scored(agent, "clean", [1.0] * 20)
         for level, name in enumerate(levels, 1):
-            found += scored(
+            items += scored(
                 agent, name, [float(number >= least * level // 2) for number in range(20)]
             )
-    run = read_run(tmp_path / "run", found, corruptions=corruptions)
+    run = read_run(tmp_path / "run", items, corruptions=corruptions)
     first, second = build_report(run, reference="b").curves
     success = [1 - 5 * level // 2 / 20 for level in range(1, 6)]
     assert (first.agent, first.corruption, first.levels) == ("a", "marks", (1, 2, 3, 4, 5))
@@ -89,7 +89,7 @@ def test_a_curve_has_the_area_over_five_severities(tmp_path):
     assert build_report(run, reference="b").summaries[0].mce == pytest.approx(first.ce)
     part = read_run(
         tmp_path / "part",
-        [record for record in found if record["corruption"] != "marks_2"],
+        [record for record in items if record["corruption"] != "marks_2"],
         corruptions=corruptions,
     )
     (curve, _) = build_report(part).curves
@@ -112,12 +112,12 @@ def test_the_number_of_tasks_has_the_power_by_scipys_distribution():
 def test_a_plan_tells_tasks_from_seeds_by_earlier_runs(tmp_path):
     rng = np.random.default_rng(3)
     hard = rng.random(300) < 0.3  # tasks that the corruption always breaks, beside chance by seed
-    found = []
+    items = []
     for seed in range(3):
-        found += scored("oracle", "clean", [1.0] * 300, seed)
+        items += scored("oracle", "clean", [1.0] * 300, seed)
         lost = hard | (rng.random(300) < 0.2)
-        found += scored("oracle", "marks", (~lost).astype(float).tolist(), seed)
-    run_of(tmp_path / "earlier", found, seeds=[0, 1, 2])
+        items += scored("oracle", "marks", (~lost).astype(float).tolist(), seed)
+    run_of(tmp_path / "earlier", items, seeds=[0, 1, 2])
     history = read_history([tmp_path / "earlier"])
     variance = loss_variance(history, "oracle", ["marks"])
     assert variance.within == pytest.approx(0.7 * 0.2 * 0.8, rel=0.15)

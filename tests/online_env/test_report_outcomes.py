@@ -223,9 +223,9 @@ def test_different_tasks_are_compared_as_unpaired_only_when_told(tmp_path, capsy
     assert (report.is_paired, cell.detectable) == (False, None)
     with pytest.raises(SystemExit):
         main(["report", str(path), "--unpaired"])
-    said = capsys.readouterr().out
-    assert "p is of Welch's t test over tasks" in said
-    assert "Unpaired: each agent was played clean and corrupted on different tasks" in said
+    output = capsys.readouterr().out
+    assert "p is of Welch's t test over tasks" in output
+    assert "Unpaired: each agent was played clean and corrupted on different tasks" in output
     same = write_csv(tmp_path / "same.csv", rows())
     with pytest.raises(OutcomeError, match="on the same 6 tasks clean and under marks"):
         collect_run([same], unpaired=True)
@@ -262,10 +262,10 @@ def test_many_rows_take_little_memory(tmp_path):
         "report = build_report(collect_run([Path(sys.argv[1])]))\n"
         "print(report.cells[0].n, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - start)\n"
     )
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code, str(path)], check=True, capture_output=True, text=True
     )
-    count, grown = map(int, done.stdout.split())
+    count, grown = map(int, process.stdout.split())
     assert count == 150_000
     assert grown < 150 * 1024
 
@@ -312,9 +312,9 @@ def test_columns_and_the_clean_condition_have_other_names(tmp_path, capsys):
             ]
         )
     assert ended.value.code == 0
-    said = capsys.readouterr().out
-    assert said.startswith("gpt on gpt.csv\n")
-    assert "gpt: worst under marks, loses 50 points" in said
+    output = capsys.readouterr().out
+    assert output.startswith("gpt on gpt.csv\n")
+    assert "gpt: worst under marks, loses 50 points" in output
 
 
 @pytest.mark.parametrize(
@@ -396,8 +396,8 @@ def test_a_folder_that_nothing_explains_is_asked_for(tmp_path):
         results_folder(tmp_path, name, "gpt-4o", scores=scores)
     with pytest.raises(OutcomeError) as error:
         collect_run([tmp_path])
-    said = "it is not clear whether my_noise are conditions; --columns condition=1 says so"
-    assert said in str(error.value)
+    output = "it is not clear whether my_noise are conditions; --columns condition=1 says so"
+    assert output in str(error.value)
     report = build_report(collect_run([tmp_path], columns=parse_columns("condition=1")))
     assert success(report, "gpt-4o") == {"clean": 5 / 6, "my_noise": 2 / 6}
     results_folder(tmp_path, "x", "gpt-4o", "again", scores=[1])
@@ -431,7 +431,7 @@ def test_runs_of_this_library_are_reported_alone(tmp_path, capsys):
     table = write_csv(tmp_path / "r.csv", rows())
     report = folder.parent / "report.json"
     report.write_text("{}")
-    for words, said in (
+    for words, output in (
         ([folder, table], "is a run of this library, and is reported alone"),
         ([folder, "--clean", "none"], "is a run of this library, which --clean is not for"),
         ([folder.parent], f"is not the folder of a run; give {report}"),
@@ -442,4 +442,4 @@ def test_runs_of_this_library_are_reported_alone(tmp_path, capsys):
         with pytest.raises(SystemExit) as ended:
             main(["report", *map(str, words)])
         assert ended.value.code == 2
-        assert said in capsys.readouterr().err
+        assert output in capsys.readouterr().err

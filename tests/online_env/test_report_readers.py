@@ -112,8 +112,8 @@ def test_a_trajectory_in_atif_needs_keys_for_task_and_score(tmp_path):
     with pytest.raises(OutcomeError, match="has no field for its task and score; name keys"):
         collect_run([tmp_path])
     columns = parse_columns("task=task,condition=noise,score=reward")
-    found = success([tmp_path], columns=columns)[1]
-    assert found == {("a (m)", "clean"): 0.75, ("a (m)", "marks"): 0.25}
+    value = success([tmp_path], columns=columns)[1]
+    assert value == {("a (m)", "clean"): 0.75, ("a (m)", "marks"): 0.25}
     path = tmp_path / "clean-0.json"
     path.write_text(path.read_text().replace("v1.7", "v2.0"))
     with pytest.raises(OutcomeError, match=r"schema_version 'ATIF-v2\.0' is not known"):
@@ -139,8 +139,8 @@ def test_studies_of_agentlab_are_read_without_their_pickles(tmp_path):
     experiment(study, "2024-08-01_10-20-52_Generic_on_miniwob.t-1_7", cum_reward=0, err_msg="E")
     experiment(study, "2024-08-01_10-20-52_Generic_on_miniwob.t-2_7", cum_reward=0, terminated=None)
     experiment(study, "_2024-08-01_10-20-52_Generic_on_miniwob.t-3_7", cum_reward=1)
-    report, found = success([tmp_path])
-    assert found == {("Generic", "clean"): 0.75, ("Generic", "marks"): 0.25}
+    report, value = success([tmp_path])
+    assert value == {("Generic", "clean"): 0.75, ("Generic", "marks"): 0.25}
     assert report.cell("Generic", "clean").invalid == 3
     experiment(study, "2024-08-01_10-20-52_a_on_b_on_c_7", cum_reward=1)
     with pytest.raises(OutcomeError, match="does not tell where agent, task and seed end"):
@@ -169,8 +169,8 @@ def test_runs_of_cua_bench_are_read_from_arrow_and_from_results(tmp_path):
             cua_trace(tmp_path / label, f"click_v{number}", events)
     cua_trace(tmp_path / "clean", "drag_v0", [("reset", {})])
     cua_trace(tmp_path / "marks", "drag_v0", [("evaluate", {"result": [1.0, False]})])
-    report, found = success([tmp_path / "clean"])
-    assert found == {("clean", "clean"): 0.75}
+    report, value = success([tmp_path / "clean"])
+    assert value == {("clean", "clean"): 0.75}
     assert report.cells[0].invalid == 1
     for label, scores in {
         "clean": [*SOLVED["clean"], None],
@@ -181,8 +181,8 @@ def test_runs_of_cua_bench_are_read_from_arrow_and_from_results(tmp_path):
             result = {"reward": score, "error": None, "schema_version": 1}
             result["agent_info"] = {"name": "cua", "version": "cua-bench", "model_info": None}
             write_json(tmp_path / label / name / "result.json", result)
-    found = success([tmp_path])[1]
-    assert found == {("cua", "clean"): 0.75, ("cua", "marks"): 0.2}
+    value = success([tmp_path])[1]
+    assert value == {("cua", "clean"): 0.75, ("cua", "marks"): 0.2}
     cua_trace(tmp_path / "other", "click_v0", [("evaluate", {"score": 1})])
     with pytest.raises(OutcomeError, match="data_json of an evaluate event has no 'result'"):
         collect_run([tmp_path / "other"])
@@ -204,8 +204,8 @@ def test_the_authors_layout_has_the_noise_above_the_model_and_trials_below(tmp_p
                 place = label, "ui-tars", trial_id, "multi_apps", f"id-{number}"
                 osworld_task(protocol, *place, score=bool(score))
     expected = {("ui-tars", "clean"): 0.75, ("ui-tars", "marks"): 0.25}
-    report, found = success([tmp_path / "results"])
-    assert (found, report.run.seeds, report.run.tasks) == (expected, (0, 1), 4)
+    report, value = success([tmp_path / "results"])
+    assert (value, report.run.seeds, report.run.tasks) == (expected, (0, 1), 4)
     assert success([protocol / "clean", protocol / "marks"])[1] == expected
     one_folder = protocol / "marks" / "ui-tars"
     assert success([one_folder])[1] == {("ui-tars", "marks"): 0.25}

@@ -25,14 +25,14 @@ pytestmark = pytest.mark.usefixtures("no_waiting")
 @pytest.fixture
 def endpoint(monkeypatch):
     register_square(monkeypatch)
-    with serve() as found:
+    with serve() as result:
         for name in ("OPENAI", "ANTHROPIC"):
             monkeypatch.setenv(f"{name}_API_KEY", "none")
         for name in ("OPENAI_BASE_URL", "OPENAI_API_BASE"):
-            monkeypatch.setenv(name, f"{found.url}/v1")
+            monkeypatch.setenv(name, f"{result.url}/v1")
         for name in ("ANTHROPIC_BASE_URL", "ANTHROPIC_API_BASE"):
-            monkeypatch.setenv(name, found.url)
-        yield found
+            monkeypatch.setenv(name, result.url)
+        yield result
 
 
 def file_of(section):
@@ -72,8 +72,8 @@ def test_the_agent_of_a_section_does_the_task(section, package, requests, endpoi
     assert (record["steps"], record["ended"], len(desktop.ran)) == (2, "agent", 1)
     assert len(endpoint.requests) == requests
     assert {size for sizes in endpoint.pictures for size in sizes} <= {SIZE}
-    told = str(endpoint.requests)
-    assert not [word for word in ("square-3", "clean", "accessib", "corrupt") if word in told]
+    text = str(endpoint.requests)
+    assert not [word for word in ("square-3", "clean", "accessib", "corrupt") if word in text]
 
 
 @pytest.mark.parametrize("section", ["A loop around Anthropic's API", "A loop around OpenAI's API"])

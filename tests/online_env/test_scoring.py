@@ -85,16 +85,16 @@ def hijack(*words, **more):
 
 def test_steps_are_scored_and_paired(clicks, agents, tmp_path):
     _, run = played(settings_for(clicks, f"{agents}:ByBrightness"), tmp_path / "run")
-    found = by_row(run)
-    assert {row: record["score"] for row, record in found.items()} == {
+    result = by_row(run)
+    assert {row: record["score"] for row, record in result.items()} == {
         "t0/0000/clean": 1,
         "t0/0000/resolution": 0,
         "t1/0000/clean": 0,  # it clicks outside the box
         "t1/0000/resolution": 0,
     }
-    assert found["t1/0000/clean"]["parts"] == {"type": True, "place": False}
-    assert found["t0/0000/resolution"]["reason"] == "fail in the place of click"
-    assert found["t0/0000/clean"]["more"] == 1
+    assert result["t1/0000/clean"]["parts"] == {"type": True, "place": False}
+    assert result["t0/0000/resolution"]["reason"] == "fail in the place of click"
+    assert result["t0/0000/clean"]["more"] == 1
     clean, resized = score_rows(run.records)
     assert (clean["n"], clean["success"], clean["delta"]) == (2, 0.5, None)
     assert (resized["n"], resized["delta"], resized["retention"]) == (2, -0.5, 0)
@@ -107,13 +107,13 @@ def test_steps_are_scored_and_paired(clicks, agents, tmp_path):
 
 
 def test_materialised_and_lazy_rows_score_alike(agents, tmp_path):
-    found = []
+    items = []
     for output in ("materialised", "lazy"):
         folder = dataset(tmp_path / output, CLICKS, "marks:number=3,resolution", output=output)
         _, run = played(settings_for(folder, "random"), tmp_path / f"run-{output}")
-        found.append({row: (r["last_action"], r["score"]) for row, r in by_row(run).items()})
-    assert len(found[0]) == 6
-    assert found[0] == found[1]
+        items.append({row: (r["last_action"], r["score"]) for row, r in by_row(run).items()})
+    assert len(items[0]) == 6
+    assert items[0] == items[1]
 
 
 HOSTILE = {
@@ -138,9 +138,9 @@ def test_an_agent_that_misbehaves_costs_its_row_and_nothing_else(agents, tmp_pat
     steps = [{"trajectory_id": word, "instruction": f"{word} 100,50"} for word in HOSTILE]
     folder = dataset(tmp_path, steps)
     command = ("score", folder, "--agent", f"{agents}:Hostile", "-o", tmp_path / "run")
-    done = hijack(*command, "--timeout", "5", "--json")
-    assert done.returncode == 1, done.stderr
-    rows = json.loads(done.stdout)  # nothing that an agent prints is in it
+    result = hijack(*command, "--timeout", "5", "--json")
+    assert result.returncode == 1, result.stderr
+    rows = json.loads(result.stdout)  # nothing that an agent prints is in it
     assert [(row["corruption"], row["n"]) for row in rows] == [("clean", 13), ("resolution", 13)]
     for record in records.read(tmp_path / "run").records:
         word = record["task"]
@@ -162,8 +162,8 @@ def test_each_row_is_an_episode_of_its_own(clicks, agents, tmp_path):
     for name in ("Remembers", "Resets"):
         chosen = settings_for(clicks, f"{agents}:{name}")
         _, run = played(chosen, tmp_path / name)
-        found = by_row(run)
-        assert found["t0/0000/clean"]["score"] == found["t0/0000/resolution"]["score"] == 1
+        value = by_row(run)
+        assert value["t0/0000/clean"]["score"] == value["t0/0000/resolution"]["score"] == 1
     assert {record["said"] for record in run.records} == {"made 1"}
 
 
@@ -174,21 +174,21 @@ def test_batches_and_a_batch_that_fails(agents, tmp_path):
     notices, run = played(chosen, tmp_path / "run")
     assert len(run.records) == 8
     assert Counter(record["score"] for record in run.records) == {1: 6, 0: 2}
-    said = Counter(record["said"] for record in run.records)
-    assert said == {"4": 4, "I know.": 4}
+    output = Counter(record["said"] for record in run.records)
+    assert output == {"4": 4, "I know.": 4}
     assert len(notices) == 1
     assert "one of them is bad" in notices[0]
 
 
 def test_workers_do_not_change_the_records(agents, tmp_path):
     folder = dataset(tmp_path, CLICKS * 10)
-    found = []
+    items = []
     for workers in (1, 3):
         chosen = settings_for(folder, "random", workers=workers)
         _, run = played(chosen, tmp_path / f"run{workers}")
-        found.append({row: (r["last_action"], r["score"]) for row, r in by_row(run).items()})
-    assert len(found[0]) == 40
-    assert found[0] == found[1]
+        items.append({row: (r["last_action"], r["score"]) for row, r in by_row(run).items()})
+    assert len(items[0]) == 40
+    assert items[0] == items[1]
 
 
 def test_a_killed_run_goes_on_twice_and_no_row_is_scored_twice(agents, tmp_path):
@@ -196,14 +196,14 @@ def test_a_killed_run_goes_on_twice_and_no_row_is_scored_twice(agents, tmp_path)
     out = tmp_path / "run"
     argv = [sys.executable, "-m", "hijack_data.cli", "score", folder]
     argv += ["--agent", f"{agents}:Slow", "-o", out, "--resume"]
-    seen = 0
+    calls = 0
     for _ in range(2):
         process = subprocess.Popen(list(map(str, argv)), stdout=subprocess.DEVNULL)
-        until(lambda seen=seen: lines(out) > seen, "more records")
+        until(lambda calls=calls: lines(out) > calls, "more records")
         locked(out)
         process.send_signal(signal.SIGKILL)
         process.wait()
-        seen = lines(out)
+        calls = lines(out)
     pids = {int(pid) for pid in (agents.parent / "pids").read_text().split()}
     until(lambda: not any(is_running(pid) for pid in pids), "the workers end with their parent")
     with (out / "records.jsonl").open("ab") as file:
@@ -237,9 +237,9 @@ def is_running(pid):
 def test_another_run_is_refused(clicks, agents, tmp_path):
     out = tmp_path / "run"
     played(settings_for(clicks, "fail"), out)
-    other = ScoreRun(settings_for(clicks, "fail", near=Distance(8)))
+    score_run = ScoreRun(settings_for(clicks, "fail", near=Distance(8)))
     with pytest.raises(RunError, match="distance was"):
-        other.begin(out, resume=True)
+        score_run.begin(out, resume=True)
     with pytest.raises(RunError, match="holds a run already"):
         ScoreRun(settings_for(clicks, "fail")).begin(out, resume=False)
     moved = shutil.copytree(clicks, tmp_path / "moved")
@@ -253,16 +253,16 @@ def test_a_run_keeps_where_it_was_scored_and_what_agents_were_given(clicks, tmp_
     out, settings = tmp_path / "run", settings_for(clicks, "fail")
     played(settings, out)
     head = json.loads((out / "run.json").read_text())
-    wanted = origin.describe(ScoreRun(settings).config(), workers=1)
-    assert {key: head[key] for key in wanted} == wanted
+    expected = origin.describe(ScoreRun(settings).config(), workers=1)
+    assert {key: head[key] for key in expected} == expected
     assert {tuple(record["given"]) for record in records.read(out).records} == {()}
     assert rebuild(out).problems == []
 
     head["git"]["agenthijack"] = {"commit": "0" * 40, "dirty": False}
     (out / "run.json").write_text(json.dumps(head))
-    told = []
-    ScoreRun(settings).begin(out, True, told.append).release()
-    assert "was begun with commit 0000" in told[0]
+    message = []
+    ScoreRun(settings).begin(out, True, message.append).release()
+    assert "was begun with commit 0000" in message[0]
     assert [line["workers"] for line in origin.sessions(out)] == [1]
 
 
@@ -327,10 +327,10 @@ def test_a_damaged_row_is_invalid_and_the_others_are_scored(clicks, agents, tmp_
 
     edit(folder, "screenshot", cut)
     _, run = played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
-    found = by_row(run)
-    damaged = found.pop("t0/0000/resolution")
+    result = by_row(run)
+    damaged = result.pop("t0/0000/resolution")
     assert (damaged["status"], damaged["cause"]) == ("invalid", "machine")
-    assert {record["status"] for record in found.values()} == {"ok"}
+    assert {record["status"] for record in result.values()} == {"ok"}
     assert "invalid" in json.dumps(score_rows(run.records))
 
 
@@ -342,15 +342,15 @@ def test_a_click_outside_its_own_target_is_no_step_to_score(clicks, agents, tmp_
 
     edit(folder, "target_box", push)
     _, run = played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
-    found = by_row(run)
-    wrong = found.pop("t0/0000/clean")
+    result = by_row(run)
+    wrong = result.pop("t0/0000/clean")
     assert (wrong["status"], wrong["cause"], wrong["score"]) == ("invalid", "machine", None)
     assert wrong["problem"] == (
         f"{folder}: row 't0/0000/clean': the recorded click at (100, 50) is outside its own"
         " target_box [101, 40, 130, 60] (x1, y1, x2, y2; the pixel at x2 is outside): correct the"
         " one that is wrong; mend the recording and build the dataset again"
     )
-    assert {record["status"] for record in found.values()} == {"ok"}
+    assert {record["status"] for record in result.values()} == {"ok"}
 
 
 @pytest.mark.parametrize(
@@ -370,26 +370,26 @@ def test_a_build_leaves_out_steps_that_miss_their_own_target(action, kept, tmp_p
     assert (report.rejected, report.exit_code) == ((0, 0) if kept else (1, 1))
     if not kept:
         (line,) = (out / "quarantine.jsonl").read_text().splitlines()
-        said = json.loads(line)
-        assert said["field"] == "target_box"
+        output = json.loads(line)
+        assert output["field"] == "target_box"
         assert "1.png" in line
         assert "t1, step 0" in line
-        assert "is outside its own target_box [90, 40, 130, 60]" in said["reason"]
+        assert "is outside its own target_box [90, 40, 130, 60]" in output["reason"]
 
 
 def test_the_command_and_the_report(clicks, agents, tmp_path):
     out = tmp_path / "run"
     foreseen = hijack("score", clicks, "--agent", "fail", "--dry-run", "--json")
     assert json.loads(foreseen.stdout)["rows"] == {"clean": 2, "resolution": 2}
-    done = hijack("score", clicks, "--agent", f"{agents}:Knows,fail", "-o", out)
-    assert done.returncode == 0, done.stderr
-    assert "right, in percent" in done.stdout
-    shown = hijack("report", out)
-    assert shown.returncode == 0, shown.stderr
-    assert shown.stdout.splitlines()[0].endswith("Knows and fail on dataset")
-    heads = [line.split()[:3] for line in shown.stdout.splitlines()]
+    result = hijack("score", clicks, "--agent", f"{agents}:Knows,fail", "-o", out)
+    assert result.returncode == 0, result.stderr
+    assert "right, in percent" in result.stdout
+    value = hijack("report", out)
+    assert value.returncode == 0, value.stderr
+    assert value.stdout.splitlines()[0].endswith("Knows and fail on dataset")
+    heads = [line.split()[:3] for line in value.stdout.splitlines()]
     assert ["corruption", "n", "success"] in heads
-    assert "ecovery policy" not in shown.stdout
+    assert "ecovery policy" not in value.stdout
     rows = json.loads(hijack("report", out, "--json").stdout)
     assert [row["success"] for row in rows] == [0.5, 0.5, 0, 0]
     head = json.loads((out / "run.json").read_text())

@@ -78,9 +78,9 @@ def test_reminders_of_an_export(agent, precision, recall, false_alarms, folders,
 
 def test_reminders_of_a_dataset_ask_about_every_row(folders, agents, tmp_path):
     run = played(folders[0], f"{agents}:Informed", tmp_path / "run", ask="reminders")
-    found = Counter((r["corruption"], r["needed"], r["given"]) for r in run.records)
-    assert found[("verification", True, True)] == 3
-    assert {key for key in found if key[1]} == {("verification", True, True)}
+    counts = Counter((r["corruption"], r["needed"], r["given"]) for r in run.records)
+    assert counts[("verification", True, True)] == 3
+    assert {key for key in counts if key[1]} == {("verification", True, True)}
     assert {record["score"] for record in run.records} == {1}
     assert over_all(run)["n"] == len(run.records) == len(open_dataset(folders[0]))
 

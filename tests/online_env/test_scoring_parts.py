@@ -24,7 +24,7 @@ def step(task, label="clean", agent="a", **more):
 
 
 def test_a_part_counts_the_steps_that_have_it_and_a_failure_counts_as_a_wrong_type():
-    found = part_rows(
+    result = part_rows(
         [
             step("t0", parts={"type": True, "place": True}, target_visible=0.49),
             step("t1", parts={"type": True, "keys": False}, target_visible=0.5),
@@ -34,7 +34,7 @@ def test_a_part_counts_the_steps_that_have_it_and_a_failure_counts_as_a_wrong_ty
             {**step("t5", parts={"type": True}), "malformed": 1},
         ]
     )
-    assert found == [
+    assert result == [
         {
             "agent": "a",
             "corruption": "clean",
@@ -56,7 +56,7 @@ def reminder(task, label, needed, given):
 
 
 def test_precision_and_recall_are_over_all_corruptions_and_their_mean_is_f1():
-    found = part_rows(
+    result = part_rows(
         [
             reminder("t0", "lock", needed=True, given=True),
             reminder("t1", "lock", needed=True, given=True),
@@ -67,7 +67,7 @@ def test_precision_and_recall_are_over_all_corruptions_and_their_mean_is_f1():
             reminder("t3", "clean", needed=False, given=False),
         ]
     )
-    by_label = {row["corruption"]: row for row in found}
+    by_label = {row["corruption"]: row for row in result}
     every = by_label["all"]
     assert (every["n"], every["precision"], every["recall"]) == (7, 2 / 3, 2 / 3)
     harmonic = 2 / (1 / every["precision"] + 1 / every["recall"])

@@ -46,15 +46,15 @@ def code_of(row):
 def echo(folder, tmp_path):
     """Write the agent that knows the rows of a dataset."""
     agents = write_agents(tmp_path)
-    known = {}
+    entries = {}
     for row in open_dataset(folder):
         try:
             code = code_of(row)
         except HijackError:
             continue
         picture = np.asarray(row["screenshot"]).tobytes()
-        known[hashlib.sha256(picture).hexdigest() + row["instruction"]] = code
-    (tmp_path / "recorded.json").write_text(json.dumps(known))
+        entries[hashlib.sha256(picture).hexdigest() + row["instruction"]] = code
+    (tmp_path / "recorded.json").write_text(json.dumps(entries))
     return f"{agents}:Echo"
 
 
@@ -65,10 +65,10 @@ def wrong(found):
 def test_the_example_recordings_under_all_corruptions(tmp_path):
     folder = tmp_path / "dataset"
     build(RECORDINGS, folder, corruptions="all", seed=7, output="lazy")
-    run, found = played(folder, echo(folder, tmp_path), tmp_path / "run")
-    assert wrong(found) == set()
+    run, value = played(folder, echo(folder, tmp_path), tmp_path / "run")
+    assert wrong(value) == set()
     assert len(run.cases.labels) >= 7
-    assert {record["wanted"] for record in found} >= {"click", "type", "hotkey", "wait"}
+    assert {record["wanted"] for record in value} >= {"click", "type", "hotkey", "wait"}
 
 
 @pytest.mark.parametrize("name", ["agentnetbench", "agentnet_raw", "screenagent"])
@@ -76,9 +76,9 @@ def test_real_recordings(name, shared_data, tmp_path):
     folder = tmp_path / "dataset"
     source = shared_data / "trajectories" / name
     build(source, folder, corruptions="resolution:scale=0.5", output="lazy", limit=2)
-    _, found = played(folder, echo(folder, tmp_path), tmp_path / "run")
-    assert wrong(found) == set()
-    assert Counter(record["corruption"] for record in found)["resolution"] > 1
+    _, value = played(folder, echo(folder, tmp_path), tmp_path / "run")
+    assert wrong(value) == set()
+    assert Counter(record["corruption"] for record in value)["resolution"] > 1
 
 
 GROUNDING = [
@@ -107,8 +107,8 @@ def test_a_grounding_set_with_polygons_and_refusals(tmp_path):
     corruptions = "resolution:scale=0.5"
     build(source, folder, corruptions=corruptions, format="osworld_g")
     agents = write_agents(tmp_path)
-    _, found = played(folder, f"{agents}:Knows,fail", tmp_path / "run")
-    scores = {(record["agent"], record["row"]): record["score"] for record in found}
+    _, value = played(folder, f"{agents}:Knows,fail", tmp_path / "run")
+    scores = {(record["agent"], record["row"]): record["score"] for record in value}
     for label in ("clean", "resolution"):
         rows = [f"OSWorld-G/00000{number}/0000/{label}" for number in range(4)]
         assert [scores[f"{agents}:Knows", row] for row in rows] == [1, 1, 0, 0], label

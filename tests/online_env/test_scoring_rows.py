@@ -80,8 +80,8 @@ def test_a_point_without_a_place_to_be_in_is_never_near():
 
 
 def test_how_far_a_click_was_off_is_the_distance_of_the_points_of_the_picture():
-    found = compare(wanted(Action("click", 10, 20), scale=(0.5, 0.5)), Action("click", 13, 24))
-    assert found.off == 5.0
+    result = compare(wanted(Action("click", 10, 20), scale=(0.5, 0.5)), Action("click", 13, 24))
+    assert result.off == 5.0
     assert compare(wanted(Action("click", 0, 0)), Action("click", 1, 1)).off == 1.4
 
 
@@ -167,18 +167,18 @@ class Heads:
 
 
 def test_corrupted_rows_without_a_clean_one_are_counted():
-    found = select_cases(Heads(), "steps", Selection())
-    assert Counter(case.corruption for case in found.cases) == {
+    result = select_cases(Heads(), "steps", Selection())
+    assert Counter(case.corruption for case in result.cases) == {
         "clean": 1,
         "marks": 2,
         "resolution": 2,
     }
-    assert (found.unpaired, found.unscored) == (2, 0)
+    assert (result.unpaired, result.unscored) == (2, 0)
     marks = select_cases(Heads(), "steps", Selection(corruptions=("marks",)))
     assert (marks.labels, marks.unpaired) == (("clean", "marks"), 1)
     first = select_cases(Heads(), "steps", Selection(limit=1))
     assert ({case.task for case in first.cases}, first.unpaired) == ({"t0"}, 0)
-    assert [case.number for case in found.cases] == list(range(5))
+    assert [case.number for case in result.cases] == list(range(5))
 
 
 @pytest.mark.parametrize(
@@ -205,36 +205,36 @@ def test_a_time_limit_that_no_json_holds_is_refused_before_the_run(timeout, tmp_
     with pytest.raises(SystemExit) as ended:
         main([*words, f"--timeout={timeout}"])
     assert ended.value.code == 2
-    said = capsys.readouterr().err
-    assert "Invalid value for '--timeout'" in said
+    output = capsys.readouterr().err
+    assert "Invalid value for '--timeout'" in output
     assert not (tmp_path / "run").exists()
 
 
 def test_ctrl_c_while_rows_are_written_appends_none_of_them_twice(tmp_path, monkeypatch):
     """A row that is there twice would damage the run, which could not be gone on with."""
     out = tmp_path / "run"
-    found = [made("a", f"t{number}") for number in range(run.MAX_UNWRITTEN_ROWS + 5)]
-    records.create(out, {}, [record["id"] for record in found]).release()
+    values = [made("a", f"t{number}") for number in range(run.MAX_UNWRITTEN_ROWS + 5)]
+    records.create(out, {}, [record["id"] for record in values]).release()
     monkeypatch.setattr(os, "fsync", lambda _: signal.raise_signal(signal.SIGINT))
     with pytest.raises(KeyboardInterrupt):
-        run._write(out, found, lambda _: None)
+        run._write(out, values, lambda _: None)
     monkeypatch.undo()
     kept = records.read(out)
     assert kept.damaged == []
     assert [record["id"] for record in kept.records] == [
-        record["id"] for record in found[: run.MAX_UNWRITTEN_ROWS]
+        record["id"] for record in values[: run.MAX_UNWRITTEN_ROWS]
     ]
 
 
 def test_rows_that_are_held_are_written_if_an_agent_ends_the_run(tmp_path):
     out = tmp_path / "run"
-    found = [made("a", f"t{number}") for number in range(3)]
-    records.create(out, {}, [record["id"] for record in found]).release()
+    values = [made("a", f"t{number}") for number in range(3)]
+    records.create(out, {}, [record["id"] for record in values]).release()
 
     def answers():
-        yield from found
+        yield from values
         raise HijackError("the agent is gone")
 
     with pytest.raises(HijackError, match="the agent is gone"):
         run._write(out, answers(), lambda _: None)
-    assert records.read(out).records == found
+    assert records.read(out).records == values

@@ -119,8 +119,8 @@ def test_an_outline_wins_over_the_box():
 
 def test_the_outline_of_a_box_has_the_pixels_of_the_box():
     square = ((3, 4), (8, 4), (8, 9), (3, 9))
-    found = {(x, y) for x in range(12) for y in range(12) if inside(square, (x, y))}
-    assert found == {(x, y) for x in range(3, 8) for y in range(4, 9)}
+    names = {(x, y) for x in range(12) for y in range(12) if inside(square, (x, y))}
+    assert names == {(x, y) for x in range(3, 8) for y in range(4, 9)}
 
 
 def test_an_outline_scales_with_the_picture():

@@ -123,9 +123,9 @@ def test_a_reset_in_mid_episode_gives_up_the_episode():
 
 def test_a_silent_client_loses_its_desktop_and_is_told():
     with service_on(Desktops(), lease=0.2) as service:
-        silent, other = DesktopSession(service), DesktopSession(service)
+        silent, desktop_session = DesktopSession(service), DesktopSession(service)
         silent.reset()
-        other.reset()  # waits until the lease has expired
+        desktop_session.reset()  # waits until the lease has expired
         with pytest.raises(LeaseExpiredError, match=r"the client said nothing for .* --lease 0.2"):
             silent.step(CLICK)
         with pytest.raises(HijackError, match="call reset first"):
@@ -242,9 +242,9 @@ def test_desktops_are_lent_in_the_order_of_the_line():
     order = []
 
     def wait(number):
-        got = pool.take()
+        result = pool.take()
         order.append(number)
-        pool.give_back(got)
+        pool.give_back(result)
 
     threads = []
     for number in range(3):
@@ -359,24 +359,24 @@ def test_a_server_that_is_started_again_draws_the_same():
     assert [(c.task, c.seed, c.label) for c in first] == [(c.task, c.seed, c.label) for c in second]
     assert {c.label for c in first} == set(NINE)
     assert {c.task for c in first} == set(TASKS)
-    other = choices(EpisodeDraws(TASKS, NINE, seed=6))
-    assert [c.label for c in first] != [c.label for c in other]
+    result = choices(EpisodeDraws(TASKS, NINE, seed=6))
+    assert [c.label for c in first] != [c.label for c in result]
 
 
 @pytest.mark.parametrize(("per", "labels"), [("rollout", 10), ("group", 1), ("worker", 1)])
 def test_rollouts_of_a_group_share_what_per_says(per, labels):
     draws = EpisodeDraws(TASKS, NINE, per=per)
-    found = choices(draws, seed=7)
-    assert [c.slot for c in found] == list(range(200))
-    assert len({(c.task, c.seed) for c in found}) == 1
-    assert len({c.label for c in found}) == labels
+    result = choices(draws, seed=7)
+    assert [c.slot for c in result] == list(range(200))
+    assert len({(c.task, c.seed) for c in result}) == 1
+    assert len({c.label for c in result}) == labels
 
 
 def test_a_slot_of_the_client_draws_again_what_it_drew():
     draws = EpisodeDraws(TASKS, NINE)
-    found = choices(draws, 5, seed=7)
-    assert [draws.choose(session=2, seed=7, slot=c.slot).label for c in found] == [
-        c.label for c in found
+    result = choices(draws, 5, seed=7)
+    assert [draws.choose(session=2, seed=7, slot=c.slot).label for c in result] == [
+        c.label for c in result
     ]
 
 
@@ -388,8 +388,8 @@ def test_a_seed_of_the_server_out_of_range_is_refused(seed):
 
 @pytest.mark.parametrize(("clean", "share"), [(None, 0.1), (0.0, 0.0), (0.5, 0.5), (1.0, 1.0)])
 def test_the_share_of_clean_episodes(clean, share):
-    found = choices(EpisodeDraws(TASKS, NINE, clean=clean), 1000)
-    assert sum(c.label == "clean" for c in found) / 1000 == pytest.approx(share, abs=0.05)
+    result = choices(EpisodeDraws(TASKS, NINE, clean=clean), 1000)
+    assert sum(c.label == "clean" for c in result) / 1000 == pytest.approx(share, abs=0.05)
 
 
 @pytest.mark.parametrize(

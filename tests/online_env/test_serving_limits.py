@@ -99,13 +99,13 @@ def test_a_connection_is_kept_between_requests_but_not_in_the_middle_of_one(port
 
 def test_connections_without_a_request_cannot_use_up_the_descriptors(port: int) -> None:
     with contextlib.ExitStack() as stack:
-        held = [stack.enter_context(connect(port)) for _ in range(CONNECTIONS)]
+        values = [stack.enter_context(connect(port)) for _ in range(CONNECTIONS)]
         time.sleep(0.1)
         with connect(port) as one_more:
             with contextlib.suppress(OSError):  # it is closed already
                 one_more.sendall(REQUEST)
             assert ended(one_more)
-        assert all(ended(connection) for connection in held)  # when their time is over
+        assert all(ended(connection) for connection in values)  # when their time is over
     with connect(port) as connection:
         assert b"200 OK" in ask(connection)
 

@@ -52,17 +52,21 @@ def test_the_official_client_plays_an_episode():
     desktops = Desktops()
     with server(desktops) as (url, service), client(url) as env:
         result = env.reset(seed=3, task="write_note", corruption="marks", episode_id="mine")
-        seen = result.observation
-        assert (result.reward, result.done, seen["instruction"]) == (None, False, "Open the file")
-        picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(seen["screenshot"]))))
-        assert picture.shape == (seen["height"], seen["width"], 3) == (360, 640, 3)
+        observation = result.observation
+        assert (result.reward, result.done, observation["instruction"]) == (
+            None,
+            False,
+            "Open the file",
+        )
+        picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(observation["screenshot"]))))
+        assert picture.shape == (observation["height"], observation["width"], 3) == (360, 640, 3)
         clean = desktops.stages[0].desktop.screenshot()
         assert (picture != clean).any()  # it is what the agent sees
         state = env.state()
         assert (state["episode_id"], state["task"], state["seed"]) == ("mine", "write_note", 3)
         assert (state["corruption"], state["record"]) == ("marks", None)
-        told = json.dumps({key: seen[key] for key in seen if key != "screenshot"})
-        assert "marks" not in told  # the agent is not told
+        message = json.dumps({key: observation[key] for key in observation if key != "screenshot"})
+        assert "marks" not in message  # the agent is not told
         structured = {"action_type": "CLICK", "x": 10, "y": 20}
         result = env.step({"action": structured, "dialect": "computer_13"})
         assert (result.reward, result.done) == (0.0, False)
@@ -191,8 +195,8 @@ def test_the_task_api_lists_what_is_served():
         assert json.loads(get(f"{url}/agenthijack/splits")[2]) == [
             {"name": "training", "type": "train"}
         ]
-        found = json.loads(get(f"{url}/agenthijack/tasks", {"split": "training"})[2])
-        assert [task["id"] for task in found["tasks"]] == ["write_note", "rename_file"]
+        data = json.loads(get(f"{url}/agenthijack/tasks", {"split": "training"})[2])
+        assert [task["id"] for task in data["tasks"]] == ["write_note", "rename_file"]
         status, _, text = get(f"{url}/agenthijack/tasks", {"split": "held_out"})
         assert (status, "no split 'held_out' is served" in text) == (400, True)
         env.reset(split="training", index=1)

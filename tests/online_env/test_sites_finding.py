@@ -25,8 +25,8 @@ OURS = IPv4Address("10.77.0.1")
 
 @pytest.fixture(scope="module")
 def web(tmp_path_factory):
-    with local_web(tmp_path_factory.mktemp("sites")) as found:
-        yield found
+    with local_web(tmp_path_factory.mktemp("sites")) as result:
+        yield result
 
 
 # The search
@@ -41,14 +41,14 @@ def test_the_pages_of_results_together_have_each_result_once(web):
     first = web.text("search.test/search", q="the")
     total, pages = map(int, re.search(r"(\d+) results, page 1 of (\d+)", first).groups())
     assert pages == math.ceil(total / search.PER_PAGE) > 2
-    found = [hits(web, q="the", page=number + 1) for number in range(pages)]
-    assert [len(one) for one in found[:-1]] == [search.PER_PAGE] * (pages - 1)
-    every = [one for page in found for one in page]
+    values = [hits(web, q="the", page=number + 1) for number in range(pages)]
+    assert [len(item) for item in values[:-1]] == [search.PER_PAGE] * (pages - 1)
+    every = [item for page in values for item in page]
     assert len(set(every)) == len(every) == total
     for beyond in (pages + 1, 9999):
-        assert hits(web, q="the", page=beyond) == found[-1]
+        assert hits(web, q="the", page=beyond) == values[-1]
     for wrong in ("0", "１"):
-        assert hits(web, q="the", page=wrong) == found[0]
+        assert hits(web, q="the", page=wrong) == values[0]
     links = web.links("search.test/search", "/search?q=the&page=", q="the")
     assert links == [str(number + 1) for number in range(pages)]
 
@@ -58,18 +58,18 @@ def test_a_tab_keeps_the_results_of_its_site(web):
     for page in range(1, 6):
         everywhere |= set(hits(web, q="water", page=page))
     for site in ("wiki.test", "shop.test"):
-        found = hits(web, q="water", site=site)
-        assert set(found) == {one for one in everywhere if one.startswith(f"http://{site}/")}
+        result = hits(web, q="water", site=site)
+        assert set(result) == {item for item in everywhere if item.startswith(f"http://{site}/")}
     assert hits(web, q="water", site="evil.test") == hits(web, q="water")
     assert "1 result " in web.text("search.test/search", q="postbox")
     assert "0 results" in web.text("search.test/search", q="xylophone")
 
 
 def test_a_word_that_is_an_article_has_a_box_of_its_own(web):
-    asked = {"q": "  hONEY   bee "}
-    assert 'aria-label="About Honey bee"' in web.get("search.test/search", **asked).text
-    for other in ({"q": "honey bees"}, {"q": "honey bee", "site": "news.test"}):
-        assert "About Honey" not in web.get("search.test/search", **other).text
+    requests = {"q": "  hONEY   bee "}
+    assert 'aria-label="About Honey bee"' in web.get("search.test/search", **requests).text
+    for second in ({"q": "honey bees"}, {"q": "honey bee", "site": "news.test"}):
+        assert "About Honey" not in web.get("search.test/search", **second).text
     assert web.text("search.test/search", q=" ") == web.text("search.test/")
 
 
@@ -78,16 +78,16 @@ def pages(*texts, title="T"):
 
 
 def test_pages_with_all_words_come_alone_and_else_those_with_any():
-    known = pages("apple pear", "apple", "pear", "plum")
-    paths = [hit.document.path for hit in find("pear apple", known)]
+    result = pages("apple pear", "apple", "pear", "plum")
+    paths = [hit.document.path for hit in find("pear apple", result)]
     assert paths == ["/0"]
-    assert {hit.document.path for hit in find("apple plum", known)} == {"/0", "/1", "/3"}
-    assert find("apple", known)[0].document.path == "/0", "ties stay in their order"
-    assert find("", known) == find("?!", known) == []
+    assert {hit.document.path for hit in find("apple plum", result)} == {"/0", "/1", "/3"}
+    assert find("apple", result)[0].document.path == "/0", "ties stay in their order"
+    assert find("", result) == find("?!", result) == []
 
 
 def test_rare_words_and_titles_weigh_more_as_the_formula_says():
-    known = [
+    items = [
         Document("a.test", "/title", "Tides", "of the sea", "x"),
         Document("a.test", "/text", "Sea", "tide tide tides tide and more", "x"),
         Document("a.test", "/rare", "Other", "xylophone, xylophones", "x"),
@@ -97,18 +97,18 @@ def test_rare_words_and_titles_weigh_more_as_the_formula_says():
     tide = math.log(1 + 3 / 2)
     scores = {"/title": tide * math.log1p(8), "/text": tide * math.log1p(4)}
     scores["/rare"] = math.log(1 + 3) * math.log1p(2)
-    wanted = sorted(scores, key=scores.__getitem__, reverse=True)
-    assert [hit.document.path for hit in find("tide xylophone", known)] == wanted
-    assert [hit.document.path for hit in find("TIDES", known)] == ["/title", "/text"]
+    expected = sorted(scores, key=scores.__getitem__, reverse=True)
+    assert [hit.document.path for hit in find("tide xylophone", items)] == expected
+    assert [hit.document.path for hit in find("TIDES", items)] == ["/title", "/text"]
     assert find("glas", pages("glass")) == [], "only a plural ends in a single s"
     assert find("gas", pages("ga")) == [], "and has four letters"
 
 
 def test_a_query_of_many_words_is_cut(monkeypatch):
     words = [f"w{number}" for number in range(MAX_WORDS + 1)]
-    known = pages(" ".join(words[:-1]), words[-1])
-    assert [hit.document.path for hit in find(" ".join(words), known)] == ["/0"]
-    assert find(" ".join([*words[:1] * 50, words[-1]]), known) != [], "each word counts once"
+    result = pages(" ".join(words[:-1]), words[-1])
+    assert [hit.document.path for hit in find(" ".join(words), result)] == ["/0"]
+    assert find(" ".join([*words[:1] * 50, words[-1]]), result) != [], "each word counts once"
 
 
 def test_a_snippet_begins_a_little_before_the_first_match():

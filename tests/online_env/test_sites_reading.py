@@ -30,7 +30,7 @@ def put(web, *mails):
     """Put mails into the inbox, as the setup of a task does."""
     common = {"from": {"name": "Ada", "address": "ada@mail.test"}, "subject": "Rope", "body": "-"}
     with web.state.update("mail") as state:
-        state["received"] = [common | one for one in mails]
+        state["received"] = [common | item for item in mails]
 
 
 def shown(web, url, **query):
@@ -57,9 +57,9 @@ def test_a_mail_of_any_month_is_listed_and_read(web, date, short, long):
 
 def test_mails_are_listed_from_the_newest_to_the_oldest(web):
     put(web, {"id": "old", "date": "2020-01-01T00:00"}, {"id": "new", "date": "2026-03-04T23:00"})
-    known = {one["id"]: one["date"] for one in mail.content()["messages"]}
-    wanted = sorted(known, key=known.__getitem__, reverse=True)
-    assert shown(web, "folder/inbox") == ["new", *wanted, "old"]
+    entries = {message["id"]: message["date"] for message in mail.content()["messages"]}
+    expected = sorted(entries, key=entries.__getitem__, reverse=True)
+    assert shown(web, "folder/inbox") == ["new", *expected, "old"]
 
 
 def test_stars_flags_and_folders_go_together(web):
@@ -131,7 +131,7 @@ def test_a_draft_is_kept_once_and_goes_when_it_is_sent(web):
     assert write("send", "s02", to="oda@mail.test", cc="tomas@mail.test").status_code == 303
     state = web.state.read("mail")
     assert state["drafts"] == []
-    assert [(one["id"], one["cc"]) for one in state["sent"]] == [("s03", ["tomas@mail.test"])]
+    assert [(item["id"], item["cc"]) for item in state["sent"]] == [("s03", ["tomas@mail.test"])]
     assert "to oda@mail.test, cc tomas@mail.test" in web.text("mail.test/message/s03")
     assert web.get("mail.test/message/s02").status_code == 404
 
@@ -180,31 +180,33 @@ def test_an_article_is_found_by_its_title_else_by_its_present_words(web):
 
 
 def test_headings_have_anchors_and_code_can_be_reached_by_keys():
-    made = render(
+    result = render(
         "# One & two\n\n## Größe *x*\n\n### Three\n\n```\ncode\n```\n\n| a |\n|---|\n| b |\n"
     )
-    assert made.headings == (("größe-x", "Größe *x*"),)
+    assert result.headings == (("größe-x", "Größe *x*"),)
     for part in ('<h1 id="one-two">', '<h3 id="three">', '<code tabindex="0">', "<td>b</td>"):
-        assert part in made.html
+        assert part in result.html
 
 
 # The newspaper and the manual
 
 
 def test_beside_an_article_are_four_others_those_of_its_section_first(web):
-    known = articles("news")
-    for slug, article in list(known.items())[::4]:
-        others = [one for one in known if one != slug]
-        own = [one for one in others if known[one].head["section"] == article.head["section"]]
-        rest = [one for one in others if one not in own]
+    result = articles("news")
+    for slug, article in list(result.items())[::4]:
+        matches = [item for item in result if item != slug]
+        values = [
+            item for item in matches if result[item].head["section"] == article.head["section"]
+        ]
+        rest = [item for item in matches if item not in values]
         beside = web.get(f"news.test/article/{slug}").text.partition("Read next")[2]
-        found = [one for one in others if f"/article/{one}" in beside]
-        assert set(found) == set((own + rest)[:4]), slug
+        value = [item for item in matches if f"/article/{item}" in beside]
+        assert set(value) == set((values + rest)[:4]), slug
 
 
 def test_a_section_has_its_articles_however_its_name_is_spelled(web):
-    known = articles("news")
-    local = [slug for slug, one in known.items() if one.head["section"] == "Local"]
+    result = articles("news")
+    local = [slug for slug, value in result.items() if value.head["section"] == "Local"]
     for name in ("local", "Local", "LOCAL"):
         assert web.links(f"news.test/section/{name}", "/article/") == local
     assert web.get("news.test/section/gossip").status_code == 404

@@ -61,12 +61,12 @@ def cart(web):
 )
 def test_a_shelf_is_in_the_order_that_was_asked_for(web, order, key):
     outdoors = [p for p in shop.content()["products"] if p["category"] == "outdoors"]
-    wanted = [product["id"] for product in sorted(outdoors, key=key)]
-    assert len(wanted) == 5
-    assert web.links("shop.test/category/outdoors", "/product/", sort=order) == wanted
+    expected = [product["id"] for product in sorted(outdoors, key=key)]
+    assert len(expected) == 5
+    assert web.links("shop.test/category/outdoors", "/product/", sort=order) == expected
     chosen = web.get("shop.test/category/outdoors", sort=order).text
-    known = order if order in shop.SORTS else ""
-    assert f'<option value="{known}" selected>' in chosen
+    result = order if order in shop.SORTS else ""
+    assert f'<option value="{result}" selected>' in chosen
 
 
 def test_the_front_page_has_what_is_on_sale_and_the_eight_best(web):
@@ -77,8 +77,8 @@ def test_the_front_page_has_what_is_on_sale_and_the_eight_best(web):
     assert sale == {"dripper", "lamp", "headphones", "lantern"}
     assert offers.count("<em>Sale</em>") == len(sale)
     ratings = sorted((product["rating"] for product in products), reverse=True)
-    shown = [product["rating"] for product in products if f"/product/{product['id']}" in best]
-    assert sorted(shown, reverse=True) == ratings[:8]
+    values = [product["rating"] for product in products if f"/product/{product['id']}" in best]
+    assert sorted(values, reverse=True) == ratings[:8]
 
 
 def test_a_product_says_how_many_are_left_and_names_others_of_its_kind(web):
@@ -88,8 +88,8 @@ def test_a_product_says_how_many_are_left_and_names_others_of_its_kind(web):
     many = web.text("shop.test/product/kettle")
     assert "In stock. Delivered in" in many
     assert "1 2 3 4 5 6 7 8 9 Add to cart" in many
-    others = web.links("shop.test/product/kettle", "/product/")
-    assert others == ["dripper", "mug", "knife", "pan"]
+    remaining = web.links("shop.test/product/kettle", "/product/")
+    assert remaining == ["dripper", "mug", "knife", "pan"]
     for path in ("product/gold", "category/toys", "order/AP-20418", "product/"):
         assert web.get(f"shop.test/{path}").status_code == 404, path
 
@@ -170,9 +170,9 @@ def test_orders_are_numbered_and_shown_as_they_were_placed(web):
         order = web.state.read("shop")["orders"][-1]
         assert order["total_cents"] == 2 * 1650 + 4450 + cents
         assert order["gift"] is False
-    shown = web.text("shop.test/order/AP-20419")
-    assert "2 x Dipped stoneware mug $33.00 1 x Camp lantern $44.50" in shown
-    assert "Express, next working day $12.90 Cash on delivery Total $90.40" in shown
+    value = web.text("shop.test/order/AP-20419")
+    assert "2 x Dipped stoneware mug $33.00 1 x Camp lantern $44.50" in value
+    assert "Express, next working day $12.90 Cash on delivery Total $90.40" in value
 
 
 # Registrations
@@ -255,8 +255,8 @@ def test_numbers_go_on_after_a_registration_was_cancelled(web):
         (1003, None),
     ]
     assert web.get("forms.test/registrations/1002/change").status_code == 409
-    found = web.get("forms.test/find", number=" 1003 ", email="ZOE@mail.test")
-    assert found.headers["location"] == "/registrations/1003"
+    result = web.get("forms.test/find", number=" 1003 ", email="ZOE@mail.test")
+    assert result.headers["location"] == "/registrations/1003"
     assert web.get("forms.test/find").status_code == 200
     lacking = web.get("forms.test/find", number="1004")
     assert lacking.status_code == 422

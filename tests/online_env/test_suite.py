@@ -38,6 +38,6 @@ def test_a_task_stands_in_the_folder_of_its_domain(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_seed_gives_the_same_task_and_other_seeds_others(name: str) -> None:
-    made = [get(name, seed).instruction for seed in range(20)]
-    assert made == [get(name).variant(seed).instruction for seed in range(20)]
-    assert len(set(made)) > 2
+    instructions = [get(name, seed).instruction for seed in range(20)]
+    assert instructions == [get(name).variant(seed).instruction for seed in range(20)]
+    assert len(set(instructions)) > 2

@@ -38,12 +38,12 @@ def test_core_and_small_follow_from_the_rule() -> None:
 
 
 def test_every_task_was_measured() -> None:
-    found = task_sets.read_measurements()
-    assert sorted(found) == sorted(suite.class_references()), (
+    measurements = task_sets.read_measurements()
+    assert sorted(measurements) == sorted(suite.class_references()), (
         "measure: python benchmarks/suite.py --write"
     )
-    assert max(measured.actions for measured in found.values()) <= 25
-    assert min(measured.actions for measured in found.values()) >= 2
+    assert max(measured.actions for measured in measurements.values()) <= 25
+    assert min(measured.actions for measured in measurements.values()) >= 2
 
 
 def test_the_rule_takes_turns_over_domains_and_lengths() -> None:
@@ -67,11 +67,11 @@ def test_sets_are_named_in_configurations_and_on_the_command_line() -> None:
 
 
 def test_at_least_a_hundred_tasks_in_twelve_domains_and_a_third_of_them_long() -> None:
-    found = catalogue.rows()
-    assert len(found) >= 100
-    assert len({row["domain"] for row in found}) >= 12
-    assert sum(bool(row["infeasible"]) for row in found) >= 8
-    assert 3 * sum(row["actions"] > 8 for row in found) >= len(found)
+    result = catalogue.rows()
+    assert len(result) >= 100
+    assert len({row["domain"] for row in result}) >= 12
+    assert sum(bool(row["infeasible"]) for row in result) >= 8
+    assert 3 * sum(row["actions"] > 8 for row in result) >= len(result)
 
 
 def test_the_catalogue_is_that_of_the_tasks() -> None:

@@ -92,22 +92,22 @@ def test_the_file_to_rename_is_there_and_its_new_name_is_free(seed: int) -> None
 
 @given(SEEDS)
 def test_the_site_accepts_what_is_to_be_registered(seed: int) -> None:
-    wanted = tasks.get("register_course", seed).values.wanted
-    posted = {key: value if isinstance(value, list) else [value] for key, value in wanted.items()}
-    assert forms._registration(posted) == wanted
-    assert forms._problems(wanted, agreed=True) == {}
+    expected = tasks.get("register_course", seed).values.wanted
+    posted = {key: value if isinstance(value, list) else [value] for key, value in expected.items()}
+    assert forms._registration(posted) == expected
+    assert forms._problems(expected, agreed=True) == {}
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_the_instruction_says_all_that_is_to_be_registered(seed: int) -> None:
     task, choices = tasks.get("register_course", seed), forms.content()
-    wanted, text = task.values.wanted, task.instruction
-    assert all(wanted[key] in text for key in ("name", "email", "country", "notes"))
-    assert choices["courses"][wanted["course"]]["name"] in text
-    assert choices["levels"][wanted["level"]] in text
+    expected, text = task.values.wanted, task.instruction
+    assert all(expected[key] in text for key in ("name", "email", "country", "notes"))
+    assert choices["courses"][expected["course"]]["name"] in text
+    assert choices["levels"][expected["level"]] in text
     for key, label in choices["interests"].items():
-        assert (label in text) == (key in wanted["interests"])
-    assert wanted["birth_date"][:4] in text
+        assert (label in text) == (key in expected["interests"])
+    assert expected["birth_date"][:4] in text
 
 
 def test_a_cart_that_something_was_in_for_a_while_is_as_before(tmp_path: Path) -> None:
@@ -182,19 +182,19 @@ def test_a_desktop_that_cannot_tell_does_not_say_that_there_is_nothing(
 
 
 def test_nodes_of_a_tree() -> None:
-    found = read_tree(TREE)
-    assert [(n.app, n.role, n.name, n.box) for n in found] == [
+    tree = read_tree(TREE)
+    assert [(n.app, n.role, n.name, n.box) for n in tree] == [
         ("Thunar", "application", "Thunar", None),
         ("Thunar", "frame", "x & y", (10, 20, 40, 61)),
         ("Thunar", "label", "hidden", None),
         ("Thunar", "entry", "", (-5, 0, 4, 9)),
         ("Thunar", "icon", "flat", None),
     ]
-    assert found[1].centre == (25, 40)
-    assert found[2].text == "t"
-    assert found[3].states == {"showing", "visible", "focused"}
+    assert tree[1].centre == (25, 40)
+    assert tree[2].text == "t"
+    assert tree[3].states == {"showing", "visible", "focused"}
     with pytest.raises(DesktopError, match="'hidden' of 'Thunar' does not show"):
-        _ = found[2].centre
+        _ = tree[2].centre
 
 
 @pytest.mark.parametrize(

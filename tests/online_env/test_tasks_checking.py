@@ -147,7 +147,7 @@ def test_the_command_checks_the_task_of_the_docs(tmp_path):
     assert code is not None
     (tmp_path / "my_task.py").write_text(code[1])
     command = [sys.executable, "-m", "hijack_data.cli", "check", "my_task.py", "--no-desktop"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "task rename_report" in done.stdout
-    assert "ok   judgement" in done.stdout
+    process = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert process.returncode == 0, process.stdout + process.stderr
+    assert "task rename_report" in process.stdout
+    assert "ok   judgement" in process.stdout

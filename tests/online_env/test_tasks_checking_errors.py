@@ -143,10 +143,10 @@ class Played(FolderDesktop):
 
 @pytest.fixture
 def desktop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Played:
-    made = Played(tmp_path)
-    monkeypatch.setattr(EmbeddedDesktop, "up", lambda: made)
+    result = Played(tmp_path)
+    monkeypatch.setattr(EmbeddedDesktop, "up", lambda: result)
     monkeypatch.setattr(checking, "SEEDS", 0)  # what is judged in a folder is tried above
-    return made
+    return result
 
 
 def played(folder: Path, old: str, new: str) -> list[Any]:
@@ -155,8 +155,8 @@ def played(folder: Path, old: str, new: str) -> list[Any]:
 
 
 def test_a_sound_task_passes_on_a_desktop(tmp_path: Path, desktop: Played) -> None:
-    found = played(tmp_path, "", "")
-    assert [(result.check, result.problem) for result in found] == [
+    value = played(tmp_path, "", "")
+    assert [(result.check, result.problem) for result in value] == [
         ("do_nothing", ""),
         ("oracle", ""),
         ("teardown", ""),
@@ -184,12 +184,12 @@ def test_a_task_that_cannot_be_prepared_there_fails_and_is_not_left_out(
 
 
 def test_an_oracle_that_raises_or_does_another_thing_fails(tmp_path: Path, desktop: Played) -> None:
-    found = played(tmp_path, "hand._desktop.write_file", "hand.nothing")
-    assert [result.check for result in found] == ["do_nothing", "oracle", "teardown"]
+    value = played(tmp_path, "hand._desktop.write_file", "hand.nothing")
+    assert [result.check for result in value] == ["do_nothing", "oracle", "teardown"]
     problem = "AttributeError: 'Hand' object has no attribute 'nothing' (my_task.py, line 17)"
-    assert found[1].problem == problem
-    found = played(tmp_path, "self.values.word.encode()", 'b"coffee"')
-    assert found[1].problem == "it has other words"
+    assert value[1].problem == problem
+    value = played(tmp_path, "self.values.word.encode()", 'b"coffee"')
+    assert value[1].problem == "it has other words"
 
 
 @pytest.mark.parametrize("error", [MissingPackageError, DesktopError])

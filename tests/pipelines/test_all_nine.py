@@ -324,10 +324,10 @@ def test_each_corruption_has_rows_or_a_reason(built: Built) -> None:
         {},
     )
     assert report.not_applicable == case.lacks
-    found: dict[str, Counter[str]] = {}
+    entries: dict[str, Counter[str]] = {}
     for row in built.about():
-        found.setdefault(row["corruption"], Counter())[row["fidelity"]] += 1
-    assert found == {
+        entries.setdefault(row["corruption"], Counter())[row["fidelity"]] += 1
+    assert entries == {
         **{label: {"exact": case.steps} for label in ("clean", *PICTURE)},
         **case.shown,
     }
@@ -337,19 +337,19 @@ def test_each_corruption_has_rows_or_a_reason(built: Built) -> None:
 def test_stats_counts_the_same(built: Built) -> None:
     data = stats(built.whole).to_data()
     counted = Counter(row["corruption"] for row in built.about())
-    assert {label: found["rows"] for label, found in data["corruptions"].items()} == dict(
+    assert {label: value["rows"] for label, value in data["corruptions"].items()} == dict(
         built.report.rows
     )
     assert +Counter(built.report.rows) == counted
     assert data["rows"] == counted.total() == len(open_dataset(built.lazy))
     assert (data["not_applicable"], data["dropped"], data["rejected"]) == (built.case.lacks, {}, {})
-    for label, found in data["corruptions"].items():
-        assert found["inserted"] == (found["rows"] if label in INSERTED else 0)
-        assert found["reminders"] == (found["rows"] if label in REPLACED else 0)
-    said = CliRunner().invoke(hijack, ["stats", str(built.lazy), "--json"])
-    assert said.exit_code == 0, said.output
-    shown = json.loads(said.output)
-    assert (shown["corruptions"], shown["not_applicable"]) == (
+    for label, value in data["corruptions"].items():
+        assert value["inserted"] == (value["rows"] if label in INSERTED else 0)
+        assert value["reminders"] == (value["rows"] if label in REPLACED else 0)
+    output = CliRunner().invoke(hijack, ["stats", str(built.lazy), "--json"])
+    assert output.exit_code == 0, output.output
+    result = json.loads(output.output)
+    assert (result["corruptions"], result["not_applicable"]) == (
         data["corruptions"],
         data["not_applicable"],
     )
@@ -383,9 +383,9 @@ def test_lazy_and_materialised_are_equal_and_verified(built: Built) -> None:
     total = sum(built.report.rows.values())
     assert assert_same_rows(open_dataset(built.whole), open_dataset(built.lazy)) == total
     for folder in (built.whole, built.lazy):
-        found = verify(folder)
-        assert (found.problems, found.notes, found.rows) == ([], [], total)
-        assert found.regenerated == total - built.case.steps
+        result = verify(folder)
+        assert (result.problems, result.notes, result.rows) == ([], [], total)
+        assert result.regenerated == total - built.case.steps
 
 
 def test_datasets_loads_it(built: Built, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -408,11 +408,11 @@ def test_chat_rows_say_the_labels(built: Built, tmp_path: Path) -> None:
     assert kinds <= ({"other", "scroll"} if built.case.reader == "webvoyager" else {"other"})
     for line in map(json.loads, lines):
         row = rows[line["id"]]
-        said, action = (
+        output, action = (
             parse_pyautogui(line["messages"][1]["content"], (row["height"], row["width"])),
             row["action"],
         )
-        assert (said.type, said.x, said.y, said.x2, said.y2) == tuple(
+        assert (output.type, output.x, output.y, output.x2, output.y2) == tuple(
             action[k] for k in ("type", "x", "y", "x2", "y2")
         )
         with Image.open(tmp_path / "out" / line["images"][0]) as picture:
@@ -487,9 +487,9 @@ def test_a_window_takes_no_part_of_an_action(
     write_table(tmp_path / "source" / "a.parquet", [row])
     report = build(tmp_path / "source", tmp_path / "out", corruptions="multi_apps", **FOREIGN)
     assert report.not_applicable == ({"multi_apps": {reason: 1}} if reason else {})
-    clean, *found = open_dataset(tmp_path / "out")
-    assert len(found) == (not reason)
-    for row in found:
+    clean, *remaining = open_dataset(tmp_path / "out")
+    assert len(remaining) == (not reason)
+    for row in remaining:
         if ends(row["action"]):
             check_beside(row, clean)
 

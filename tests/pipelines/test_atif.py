@@ -115,7 +115,7 @@ def test_an_agent_without_a_screen_is_one_rejection(tmp_path: Path) -> None:
 def exported(recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> Path:
     """The export of a recording with every kind of action, and a step missing in it."""
     source = recording(trajectories=1, steps=1)
-    others = [
+    remaining = [
         {"type": "drag", "x": 1, "y": 2, "x2": 3, "y2": 4},
         {"type": "scroll", "x": 1, "y": 2, "amount": -3.0},
         {"type": "type", "text": "a <b> ü"},
@@ -123,7 +123,7 @@ def exported(recording: Any, add_line: Any, good_line: Any, tmp_path: Path) -> P
         {"type": "wait"},
         {"type": "done"},
     ]
-    for number, action in enumerate(others, 3):  # steps 1 and 2 are missing
+    for number, action in enumerate(remaining, 3):  # steps 1 and 2 are missing
         (source / f"images/t0-{number}.png").write_bytes(png(number, 320, 200))
         add_line(source, good_line("t0", number, action=action, target_box=None))
     build(source, tmp_path / "set", corruptions={"half": hj.Resolution(scale=0.5)})
@@ -142,8 +142,8 @@ def test_our_export_is_valid(exported: Path) -> None:
         assert parsed.has_multimodal_content()
         assert [step.source for step in parsed.steps[:4]] == ["user", "agent", "system", "agent"]
         for step in parsed.steps:
-            shown = step.observation.results[0].content if step.observation else []
-            for part in [*shown, *(step.message if isinstance(step.message, list) else [])]:
+            result = step.observation.results[0].content if step.observation else []
+            for part in [*result, *(step.message if isinstance(step.message, list) else [])]:
                 assert part.type == "text" or (document.parent / part.source.path).is_file()
 
 
@@ -156,10 +156,10 @@ def test_our_export_comes_back(exported: Path) -> None:
     assert (trajectory.instruction, trajectory.domain) == ("do t0", "tests")
     assert len(trajectory.steps) == len(clean) == 7
     for step, row in zip(trajectory.steps, clean, strict=True):
-        said = {name: value for name, value in row["action"].items() if value is not None}
+        output = {name: value for name, value in row["action"].items() if value is not None}
         assert {k: v for k, v in asdict(step.action).items() if v is not None} == {
-            **said,
-            **({"keys": tuple(said["keys"])} if "keys" in said else {}),
+            **output,
+            **({"keys": tuple(output["keys"])} if "keys" in output else {}),
         }
         assert step.index == row["step"]
         assert list(step.target_box or ()) == (row["target_box"] or [])

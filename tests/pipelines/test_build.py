@@ -351,17 +351,17 @@ def test_label_policies(recording: Any, tmp_path: Path) -> None:
     reports = {
         policy: build(folder, out[policy], corruptions=marks, label_policy=policy) for policy in out
     }
-    seen = {
+    entries = {
         p: [r["target_visible"] for r in open_dataset(out[p]) if r["corruption"] == "marks"]
         for p in out
     }
-    assert len(seen["keep"]) == 20
-    assert min(seen["keep"]) < 0.5
-    assert seen["drop"] == [share for share in seen["keep"] if share >= 0.5]
-    assert reports["drop"].dropped["marks"] == 20 - len(seen["drop"]) > 0
-    assert set(seen["avoid"]) == {1.0}
-    assert len(seen["avoid"]) + reports["avoid"].dropped.get("marks", 0) == 20
-    assert len(seen["avoid"]) > seen["keep"].count(1.0)
+    assert len(entries["keep"]) == 20
+    assert min(entries["keep"]) < 0.5
+    assert entries["drop"] == [share for share in entries["keep"] if share >= 0.5]
+    assert reports["drop"].dropped["marks"] == 20 - len(entries["drop"]) > 0
+    assert set(entries["avoid"]) == {1.0}
+    assert len(entries["avoid"]) + reports["avoid"].dropped.get("marks", 0) == 20
+    assert len(entries["avoid"]) > entries["keep"].count(1.0)
 
 
 def test_a_point_is_a_target_too(
@@ -395,7 +395,7 @@ def test_a_drag_shows_where_both_its_ends_do(
     ):
         drag = {"type": "drag", "x": start[0], "y": start[1], "x2": end[0], "y2": end[1]}
         add_line(folder, good_line(name, 0, action=drag, target_box=None, image="images/t0-0.png"))
-    for policy, shown in {"keep": [0.0, 0.0, 1.0], "drop": [1.0], "avoid": [1.0]}.items():
+    for policy, value in {"keep": [0.0, 0.0, 1.0], "drop": [1.0], "avoid": [1.0]}.items():
         build(
             folder,
             tmp_path / policy,
@@ -404,7 +404,7 @@ def test_a_drag_shows_where_both_its_ends_do(
             label_policy=policy,
         )
         rows = [row for row in open_dataset(tmp_path / policy) if row["trajectory_id"] != "t0"]
-        assert [row["target_visible"] for row in rows] == shown
+        assert [row["target_visible"] for row in rows] == value
 
 
 def test_elements_of_the_recording_come_before_the_detector(
@@ -422,10 +422,12 @@ def test_elements_of_the_recording_come_before_the_detector(
     add_line(folder, good_line("t1", 0, image="images/t0-0.png", elements=[]))
     planners = {"pop_ups": hj.PopUps(width=320, height=200)}
     build(folder, tmp_path / "out", corruptions=planners)
-    known, found = (row for row in open_dataset(tmp_path / "out") if row["corruption"] == "pop_ups")
+    value, result = (
+        row for row in open_dataset(tmp_path / "out") if row["corruption"] == "pop_ups"
+    )
     images = {row["id"]: np.asarray(row["screenshot"]) for row in open_dataset(tmp_path / "out")}
     clean = images["t0/0000/clean"]
-    assert known["plan_digest"] != found["plan_digest"]
+    assert value["plan_digest"] != result["plan_digest"]
     # a recorded element
     assert np.array_equal(images["t0/0000/pop_ups"][10:30, 10:60], clean[10:30, 10:60])
     # one in the picture
@@ -442,15 +444,15 @@ def test_planners_are_told_all_that_is_known(
     folder = recording(trajectories=1, steps=1)
     point = {"action": {"type": "click", "x": 8, "y": 9}, "target_box": None, "elements": None}
     add_line(folder, good_line("t1", 0, **point, apps=["vlc"], image="images/t0-0.png"))
-    seen: list[tuple[hj.Scene, dict[str, Any]]] = []
+    calls: list[tuple[hj.Scene, dict[str, Any]]] = []
 
     class Watcher(hj.plugin.Augmentation):
         def plan(self, scene: hj.Scene, **key: Any) -> hj.Plan:
-            seen.append((scene, key))
+            calls.append((scene, key))
             return hj.Plan.clean(scene.size)
 
     build(folder, tmp_path / "out", corruptions={"watch": Watcher()}, seed=6)
-    assert seen == [
+    assert calls == [
         (
             hj.Scene((200, 320), [(90, 40, 130, 60), (10, 10, 60, 30)], target=(90, 40, 130, 60)),  # type: ignore[arg-type]
             {"seed": 6, "sample": "t0", "step": 0},
@@ -464,18 +466,18 @@ def test_planners_are_told_all_that_is_known(
 
 def test_the_fingerprint_covers_every_pixel_of_the_source(recording: Any, tmp_path: Path) -> None:
     folder = recording(trajectories=1, steps=2)
-    found = set()
+    names = set()
     for n, pixel in enumerate(("red", "blue")):
         image = Image.new("RGB", (320, 200))
         image.putpixel((7, 7), {"red": (255, 0, 0), "blue": (0, 0, 255)}[pixel])
         image.save(folder / "images" / "t0-1.png", compress_level=0)  # files of one size
         build(folder, tmp_path / f"out{n}", corruptions={}, label_policy="keep")
-        found.add(
+        names.add(
             json.loads((tmp_path / f"out{n}" / "manifest.json").read_text())["source"][
                 "fingerprint"
             ]
         )
-    assert len(found) == 2
+    assert len(names) == 2
 
 
 def test_row_groups_stay_small(
@@ -524,14 +526,14 @@ def test_the_hub_reads_the_card(
     assert (data.size_categories, data.task_categories) == (["n<1K"], ["image-text-to-text"])
     assert "computer-use" in data.tags
     assert "configs" not in data.to_dict()  # datasets names its cache by them alone
-    known = datasets.Features._from_yaml_list(data.dataset_info["features"])
+    result = datasets.Features._from_yaml_list(data.dataset_info["features"])
     schema = pq.read_schema(out / "data" / "train-00000.parquet")
-    assert known == datasets.Features.from_arrow_schema(schema)
+    assert result == datasets.Features.from_arrow_schema(schema)
     (split,) = data.dataset_info["splits"]
     size = (out / "data" / "train-00000.parquet").stat().st_size
     assert split == {"name": "train", "num_bytes": size, "num_examples": report.total}
     loaded = datasets.load_dataset(str(out), split="train", cache_dir=str(tmp_path / "cache"))
-    assert (len(loaded), loaded.features) == (report.total, known)
+    assert (len(loaded), loaded.features) == (report.total, result)
 
 
 @pytest.mark.parametrize(

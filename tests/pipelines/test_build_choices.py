@@ -59,13 +59,13 @@ def test_a_split_holds_whole_trajectories_whatever_the_order_and_the_workers(
 def split_of(out: Path) -> dict[str, str]:
     """The split of each trajectory; fails where one is in two."""
     pq = pytest.importorskip("pyarrow.parquet")
-    found: dict[str, str] = {}
+    entries: dict[str, str] = {}
     for file in (out / "data").iterdir():
         for name in pq.read_table(file, columns=["trajectory_id"])["trajectory_id"].to_pylist():
             assert (
-                found.setdefault(name, file.name.partition("-")[0]) == file.name.partition("-")[0]
+                entries.setdefault(name, file.name.partition("-")[0]) == file.name.partition("-")[0]
             )
-    return found
+    return entries
 
 
 def test_load_dataset_finds_the_splits(
@@ -94,11 +94,11 @@ def test_splits_in_a_configuration_make_the_same_dataset_again(
 
 
 def test_shares_are_kept_and_the_order_of_their_names_means_nothing() -> None:
-    one = choose_splits("test=0.2,train=0.8")
-    other = Splits({"train": 0.8, "test": 0.2})
+    splits = choose_splits("test=0.2,train=0.8")
+    second = Splits({"train": 0.8, "test": 0.2})
     ids = [Trajectory(f"t{n}", "jsonl", "", ()) for n in range(2000)]
-    assert [one.of(name) for name in ids] == [other.of(name) for name in ids]
-    assert 0.17 < sum(one.of(name) == "test" for name in ids) / len(ids) < 0.23
+    assert [splits.of(name) for name in ids] == [second.of(name) for name in ids]
+    assert 0.17 < sum(splits.of(name) == "test" for name in ids) / len(ids) < 0.23
 
 
 def steps_in_rows(folder: Path, **fields: Callable[[int], Any]) -> Path:
@@ -136,10 +136,10 @@ def test_rows_of_one_episode_are_in_one_split(tmp_path: Path) -> None:
     for name, options in (("stated", {}), ("chosen", {"episode_key": "trace"})):
         out = tmp_path / f"out-{name}"
         build(named[name], out, **shares, **options)
-        found = split_of(out)
-        assert set(found.values()) == {"train", "test"}
+        result = split_of(out)
+        assert set(result.values()) == {"train", "test"}
         for number in range(24):
-            assert found[str(number)] == found[str(3 * (number // 3))], number
+            assert result[str(number)] == result[str(3 * (number // 3))], number
         assert verify(out, source=named[name]).ok
         card = (out / "README.md").read_text()
         key = "`trace`" if options else "`trajectory_id` or `episode_id`"
@@ -176,10 +176,10 @@ def test_boxes_on_one_picture_are_in_one_split(tmp_path: Path) -> None:
         out = tmp_path / f"out-{source.name}"
         options: dict[str, Any] = {"coordinates": "pixels", "boxes": "xyxy"}
         build(source, out, corruptions={}, splits={"train": 0.5, "test": 0.5}, **options)
-        found = split_of(out)
-        assert set(found.values()) == {"train", "test"}
+        result = split_of(out)
+        assert set(result.values()) == {"train", "test"}
         for number in range(24):
-            assert found[f"a/{number:06d}"] == found[f"a/{3 * (number // 3):06d}"], number
+            assert result[f"a/{number:06d}"] == result[f"a/{3 * (number // 3):06d}"], number
         assert "the rows of one picture" in (out / "README.md").read_text()
 
 
@@ -204,10 +204,10 @@ def test_a_trial_counts_as_the_build_does_and_writes_nothing(
     options: dict[str, Any] = {"corruptions": nine, "assets": assets, "label_policy": "drop"}
     tried = build(browsing, tmp_path / "out", **options, dry_run=True)
     assert not (tmp_path / "out").exists()
-    made = build(browsing, tmp_path / "out", **options)
+    value = build(browsing, tmp_path / "out", **options)
     for field in ("rows", "rejected", "not_applicable", "dropped", "examples"):
-        assert getattr(tried, field) == getattr(made, field), field
-    assert made.rejected == 2
+        assert getattr(tried, field) == getattr(value, field), field
+    assert value.rejected == 2
     assert "nothing was written" in tried.lines()[0]
     with pytest.raises(SourceError):
         build(browsing, tmp_path / "x", **options, dry_run=True, strict=True)

@@ -177,7 +177,7 @@ def test_progress_reaches_the_total(recording: Any, small: Any, tmp_path: Path) 
     build(
         recording(), tmp_path / "out", corruptions=small, progress=lambda *call: calls.append(call)
     )
-    assert calls == [(done, 6, "steps") for done in range(1, 7)]
+    assert calls == [(item, 6, "steps") for item in range(1, 7)]
 
 
 def test_folders_that_cannot_be_written_to(recording: Any, tmp_path: Path) -> None:

@@ -54,8 +54,10 @@ class LibraryStage(FakeStage):
 
     def reset(self, task, seed):
         super().reset(task, seed)
-        known = tasks.get(task, seed)
-        return Setting(known.id, known.instruction, tuple(known.apps), bool(known.infeasible), seed)
+        result = tasks.get(task, seed)
+        return Setting(
+            result.id, result.instruction, tuple(result.apps), bool(result.infeasible), seed
+        )
 
 
 @pytest.fixture(scope="module")
@@ -114,8 +116,8 @@ def desktop(**changes):
 
     def tamper(run):
         for name in (CLEAN, MARKS, MINIMISED):
-            found = json.loads((home(run, name) / "episode.json").read_text())["desktop"]
-            both(name, desktop=found | changes)(run)
+            value = json.loads((home(run, name) / "episode.json").read_text())["desktop"]
+            both(name, desktop=value | changes)(run)
 
     return tamper
 

@@ -29,10 +29,10 @@ WAIT = {
 
 
 def rows_by_label(folder: Path) -> dict[str, list[dict[str, Any]]]:
-    found: dict[str, list[dict[str, Any]]] = {}
+    entries: dict[str, list[dict[str, Any]]] = {}
     for row in open_dataset(folder):
-        found.setdefault(row["corruption"], []).append(row)
-    return found
+        entries.setdefault(row["corruption"], []).append(row)
+    return entries
 
 
 def test_all_nine(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> None:
@@ -41,8 +41,8 @@ def test_all_nine(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> No
     assert dict(report.not_applicable) == {}
     visual = dict.fromkeys(("clean", "pop_ups", "resolution", "marks", "subtitle"), 10)
     assert dict(report.rows) == {**visual, **dict.fromkeys(FIVE, 2)}
-    found = rows_by_label(tmp_path / "out")
-    assert [row["id"] for label in FIVE for row in found[label][:1]] == [
+    result = rows_by_label(tmp_path / "out")
+    assert [row["id"] for label in FIVE for row in result[label][:1]] == [
         "t0/0000/multi_apps",
         "t0/0003/accidental_touch+touch",
         "t0/0003/app_minimization+minimise",
@@ -52,7 +52,7 @@ def test_all_nine(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> No
     assert {
         (label, row["fidelity"], row["inserted"], row["reminder"] is not None)
         for label in FIVE
-        for row in found[label]
+        for row in result[label]
     } == {
         ("multi_apps", "composited", False, False),
         ("accidental_touch", "composited", True, False),
@@ -60,35 +60,35 @@ def test_all_nine(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> No
         ("network_error", "recorded", False, True),
         ("verification", "recorded", False, True),
     }
-    for label, rows in found.items():
+    for label, rows in result.items():
         for row in rows:
             assert (row["event"] is None) == (label not in FIVE)
             assert row["fidelity"] == "exact" or label in FIVE
             assert row["changed_pixels"] > 0 or label == "clean"
             assert hashlib.sha256(row["screenshot"].tobytes()).hexdigest() == row["image_sha256"]
-    every = [row["id"] for rows in found.values() for row in rows]
+    every = [row["id"] for rows in result.values() for row in rows]
     assert len(set(every)) == len(every)
 
 
 def test_what_each_row_teaches(browsing: Path, assets: Path, tmp_path: Path) -> None:
     build(browsing, tmp_path / "out", corruptions=",".join(FIVE), assets=assets)
-    found = {label: rows[0] for label, rows in rows_by_label(tmp_path / "out").items()}
+    entries = {label: rows[0] for label, rows in rows_by_label(tmp_path / "out").items()}
     pack = AssetPack.load(assets)
     for label, name in (
         ("network_error", "error"),
         ("verification", "lock-small"),
         ("app_minimization", "desktop"),
     ):
-        assert np.array_equal(np.asarray(found[label]["screenshot"]), pack.get(name).pixels())
+        assert np.array_equal(np.asarray(entries[label]["screenshot"]), pack.get(name).pixels())
     for label in ("network_error", "verification"):
-        row = found[label]
+        row = entries[label]
         assert (row["action"], row["action_code"], row["target_box"], row["target_visible"]) == (
             WAIT,
             "WAIT",
             None,
             None,
         )
-    back = found["app_minimization"]
+    back = entries["app_minimization"]
     assert (back["step"], back["action"]["type"], back["action"]["x"], back["action"]["y"]) == (
         3,
         "click",
@@ -100,7 +100,7 @@ def test_what_each_row_teaches(browsing: Path, assets: Path, tmp_path: Path) -> 
         [20, 180, 80, 200],
     )
     assert back["target_visible"] == 1.0
-    beside, clean = found["multi_apps"], found["clean"]
+    beside, clean = entries["multi_apps"], entries["clean"]
     for name in ("action", "action_code", "target_box", "target_visible", "step"):
         assert beside[name] == clean[name]
     assert beside["target_visible"] == 1.0
@@ -114,7 +114,7 @@ def test_the_button_of_a_dialog_is_visible_although_it_was_pasted(
     browsing: Path, tmp_path: Path, assets: Path
 ) -> None:
     """`keep`, `avoid` and `drop` agree: what an event shows does not hide its own target."""
-    seen = {}
+    entries = {}
     for policy in ("keep", "avoid", "drop", "recover"):
         report = build(
             browsing,
@@ -126,20 +126,20 @@ def test_the_button_of_a_dialog_is_visible_although_it_was_pasted(
         )
         assert dict(report.dropped) == {}
         rows = rows_by_label(tmp_path / policy)["accidental_touch"]
-        seen[policy] = [
+        entries[policy] = [
             (row["action_code"], row["target_box"], row["target_visible"]) for row in rows
         ]
-    assert seen["keep"] == seen["avoid"] == seen["drop"] == seen["recover"]
-    dialogs = [entry for entry in seen["keep"] if entry[1]]
+    assert entries["keep"] == entries["avoid"] == entries["drop"] == entries["recover"]
+    dialogs = [entry for entry in entries["keep"] if entry[1]]
     assert all(entry[2] == 1.0 for entry in dialogs)
 
 
 def test_effects_together_with_pictures(browsing: Path, assets: Path, tmp_path: Path) -> None:
     report = build(browsing, tmp_path / "out", corruptions=COMBINED, assets=assets)
-    found = rows_by_label(tmp_path / "out")
+    result = rows_by_label(tmp_path / "out")
     names = {
         label: [row["id"].partition("/")[2] for row in rows if row["trajectory_id"] == "t0"]
-        for label, rows in found.items()
+        for label, rows in result.items()
     }
     assert names["locked"] == [f"000{k}/locked" for k in range(5)]
     assert names["half"] == [
@@ -165,8 +165,8 @@ def test_effects_together_with_pictures(browsing: Path, assets: Path, tmp_path: 
     assert list(report.not_applicable["clash"]) == [
         "two effects change this screen, and what both leave was never recorded"
     ]
-    assert {row["fidelity"] for row in found["mix"]} == {"exact", "recorded"}
-    locked = found["locked"]
+    assert {row["fidelity"] for row in result["mix"]} == {"exact", "recorded"}
+    locked = result["locked"]
     # a subtitle lies over it
     assert [row["fidelity"] for row in locked[:2]] == ["composited", "exact"]
     assert locked[0]["action_code"] == "WAIT"
@@ -198,7 +198,7 @@ def test_pictures_over_an_event_avoid_its_target(
     browsing: Path, assets: Path, tmp_path: Path
 ) -> None:
     planner = hj.Sequence([hj.AppMinimization(step=1), hj.Marks(number=40, mark_size=12)])
-    seen = {}
+    entries = {}
     for policy in ("keep", "avoid", "drop", "recover"):
         report = build(
             browsing,
@@ -210,12 +210,12 @@ def test_pictures_over_an_event_avoid_its_target(
             seed=5,
         )
         rows = [row for row in open_dataset(tmp_path / policy) if row["inserted"]]
-        seen[policy] = [row["target_visible"] for row in rows]
+        entries[policy] = [row["target_visible"] for row in rows]
         assert len(rows) + (report.dropped.get("dots", 0) > 0) >= 1
-    assert min(seen["keep"]) < 1
-    assert set(seen["avoid"]) | set(seen["recover"]) <= {1.0}
-    assert seen["avoid"] == seen["recover"]
-    assert all(share >= 0.5 for share in seen["drop"])
+    assert min(entries["keep"]) < 1
+    assert set(entries["avoid"]) | set(entries["recover"]) <= {1.0}
+    assert entries["avoid"] == entries["recover"]
+    assert all(share >= 0.5 for share in entries["drop"])
 
 
 @pytest.mark.parametrize(
@@ -268,7 +268,7 @@ def test_where_an_event_would_not_be_true_there_is_no_row(
     Image.new("RGB", (300, 150), "white").save(folder / "images" / "other.png")
     add_line(folder, good_line("t1", 0, image="images/other.png", elements=None))
     report = build(folder, tmp_path / "out", assets=assets, corruptions=",".join(FIVE))
-    reasons = {label: set(found) for label, found in report.not_applicable.items()}
+    reasons = {label: set(value) for label, value in report.not_applicable.items()}
     assert {"the recording ends before the step at which it acts"} == reasons["app_minimization"]
     assert reasons["network_error"] == {
         "the recording names no browser among its applications: a missing network would not show; "

@@ -39,12 +39,12 @@ def test_plug_ins_whose_look_is_not_known_are_refused(
         def make_plan(self, scene: hj.Scene, stream: Stream, step: int) -> Draft:
             return Draft(effects=(Effect("mute"),))
 
-    for asked in ("all", "muted", {"x": hj.OneOf([hj.Sequence([Muted()])])}):
+    for requests in ("all", "muted", {"x": hj.OneOf([hj.Sequence([Muted()])])}):
         with pytest.raises(
             BuildError,
             match=r"muted does mute to the machine.*leave it out: pop_ups,.*,verification$",
         ):
-            build(browsing, tmp_path / "out", corruptions=asked, assets=assets)  # type: ignore[arg-type]
+            build(browsing, tmp_path / "out", corruptions=requests, assets=assets)  # type: ignore[arg-type]
 
     class Hidden(hj.Planner):
         needs_elements = False
@@ -93,18 +93,18 @@ def test_what_people_are_told(browsing: Path, nine: Any, assets: Path, tmp_path:
         AssetPack.load(assets).digest[:16],
     ):
         assert text in card
-    found = stats(tmp_path / "out")
-    data = found.to_data()["corruptions"]
+    result = stats(tmp_path / "out")
+    data = result.to_data()["corruptions"]
     assert data["verification"]["fidelity"] == {"recorded": 2}
     assert data["verification"]["reminders"] == 2
     assert data["app_minimization"]["inserted"] == 2
     assert sum(data["accidental_touch"]["event"].values()) == 2
     assert data["marks"]["event"] == {}
-    lines = "\n".join(found.lines())
+    lines = "\n".join(result.lines())
     assert "verification: 2 rows: The session was locked" in lines
     assert "verification: 2 rows with a reminder" in lines
     assert "app_minimization: 2 steps inserted" in lines
-    text = page(tmp_path / "out", found)
+    text = page(tmp_path / "out", result)
     assert "recorded: The session was locked; the screen asks for the password" in text
     assert "Action: WAIT" in text
 
@@ -157,8 +157,8 @@ def test_a_planner_of_somebody_else_is_built(
     assert 0 < rows["dots"] < rows["all"]
     assert rows["locked"] > 0
     assert verify(tmp_path / "out").problems == []
-    found = stats(tmp_path / "out").to_data()["corruptions"]
-    assert found["locked"]["fidelity"] == {"recorded": rows["locked"]}
+    corruptions = stats(tmp_path / "out").to_data()["corruptions"]
+    assert corruptions["locked"]["fidelity"] == {"recorded": rows["locked"]}
 
 
 def test_what_only_looks_like_a_planner_is_refused(browsing: Path, tmp_path: Path) -> None:

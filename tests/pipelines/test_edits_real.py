@@ -54,12 +54,12 @@ def test_our_recordings(built: Path) -> None:
 
 
 def test_what_is_recorded_is_a_picture_of_the_pack(built: Path) -> None:
-    known = {asset.id: asset for asset in AssetPack.load().assets}
+    entries = {asset.id: asset for asset in AssetPack.load().assets}
     rows = [row for row in open_dataset(built / "materialised") if row["fidelity"] == "recorded"]
     assert {row["corruption"] for row in rows} == {"app_minimization", "verification"}
     for row in rows:
         (op,) = json.loads(row["plan"])["ops"]
-        asset = known[op["sprite"]["id"]]
+        asset = entries[op["sprite"]["id"]]
         assert np.array_equal(np.asarray(row["screenshot"]), asset.pixels())
         if row["inserted"]:
             assert asset.recover is not None
@@ -138,10 +138,10 @@ def test_real_recordings(
     assert {label: count for label, count in report.rows.items() if count} == rows
     for label, reason in reasons.items():
         assert reason in "; ".join(report.not_applicable[label]), label
-    found = list(open_dataset(tmp_path / "out"))
-    assert len(found) == report.total
-    assert all(row["target_visible"] in (None, 1.0) for row in found)
-    assert verify(tmp_path / "out").regenerated == len(found)
+    items = list(open_dataset(tmp_path / "out"))
+    assert len(items) == report.total
+    assert all(row["target_visible"] in (None, 1.0) for row in items)
+    assert verify(tmp_path / "out").regenerated == len(items)
 
 
 def test_real_recordings_of_a_foreign_desktop(shared_data: Path, tmp_path: Path) -> None:
@@ -157,9 +157,11 @@ def test_real_recordings_of_a_foreign_desktop(shared_data: Path, tmp_path: Path)
         allow_platform_mismatch=True,
         apps="chrome",
     )
-    found = {row["corruption"]: row["fidelity"] for row in open_dataset(out)}
-    assert set(found.values()) == {"foreign"}
-    assert found.keys() == set(FIVE.split(",")) - {"accidental_touch"}  # no menu of a browser there
+    entries = {row["corruption"]: row["fidelity"] for row in open_dataset(out)}
+    assert set(entries.values()) == {"foreign"}
+    assert entries.keys() == set(FIVE.split(",")) - {
+        "accidental_touch"
+    }  # no menu of a browser there
 
 
 def test_osworld_in_a_browser(tmp_path: Path) -> None:

@@ -19,29 +19,29 @@ SPARE = {"lock": "lock_screen", "minimise": "desktop", "firewall": "error_page"}
 
 
 def edit(kind: str, pack: Path, **frame: Any) -> Any:
-    made = frame_of(pack, **frame)
-    found = EDITS[kind].apply(made, Effect(kind))
-    return found, drawn(made, found)
+    result = frame_of(pack, **frame)
+    value = EDITS[kind].apply(result, Effect(kind))
+    return value, drawn(result, value)
 
 
 def test_a_lock_screen_of_the_same_size_is_as_it_was_recorded(assets: Path) -> None:
-    found, picture = edit("lock", assets)
+    value, picture = edit("lock", assets)
     assert np.array_equal(picture, pixels(1, 320, 200))
-    assert (found.fidelity, found.inserted, found.notes) == ("recorded", False, ())
-    assert (found.response.action, found.response.target_box) == (Action("wait"), None)
-    assert "locked" in found.event
-    assert "wait" in found.reminder
+    assert (value.fidelity, value.inserted, value.notes) == ("recorded", False, ())
+    assert (value.response.action, value.response.target_box) == (Action("wait"), None)
+    assert "locked" in value.event
+    assert "wait" in value.reminder
 
 
 @pytest.mark.parametrize("size", [(399, 639), (396, 638), (202, 322)])
 def test_a_screen_of_nearly_the_same_shape_is_scaled_down(
     size: tuple[int, int], assets: Path
 ) -> None:
-    found, picture = edit("lock", assets, size=size)
+    value, picture = edit("lock", assets, size=size)
     scaled = hj.Plan("x-v1", (400, 640), ops=(hj.plugin.Resample(size),))
     assert np.array_equal(picture, hj.apply(scaled, pixels(2, 640, 400)))
-    assert found.fidelity == "composited"
-    assert found.notes == (f"lock-large was scaled from 640x400 to {size[1]}x{size[0]}",)
+    assert value.fidelity == "composited"
+    assert value.notes == (f"lock-large was scaled from 640x400 to {size[1]}x{size[0]}",)
 
 
 @pytest.mark.parametrize("size", [(401, 640), (400, 641), (190, 320), (200, 260), (1080, 1920)])
@@ -54,39 +54,39 @@ def test_nothing_is_scaled_up_or_out_of_shape(
 
 
 def test_the_bare_desktop_is_left_by_a_click_on_the_panel(assets: Path) -> None:
-    found, picture = edit("minimise", assets, apps=("chrome",))
+    value, picture = edit("minimise", assets, apps=("chrome",))
     assert np.array_equal(picture, pixels(4, 320, 200))
-    assert (found.fidelity, found.inserted, found.reminder) == ("recorded", True, None)
-    assert (found.response.action, found.response.target_box) == (
+    assert (value.fidelity, value.inserted, value.reminder) == ("recorded", True, None)
+    assert (value.response.action, value.response.target_box) == (
         Action("click", 50, 190),
         (20, 180, 80, 200),
     )
-    assert found.boxes == ((20, 180, 80, 200),)
+    assert value.boxes == ((20, 180, 80, 200),)
 
 
 def test_what_is_clicked_is_scaled_with_the_screen(assets: Path) -> None:
-    found, _ = edit("minimise", assets, size=(100, 160), apps=("chrome",))
-    assert found.fidelity == "composited"
-    assert (found.response.action, found.response.target_box) == (
+    value, _ = edit("minimise", assets, size=(100, 160), apps=("chrome",))
+    assert value.fidelity == "composited"
+    assert (value.response.action, value.response.target_box) == (
         Action("click", 25, 95),
         (10, 90, 40, 100),
     )
-    assert found.boxes == ((10, 90, 40, 100),)
+    assert value.boxes == ((10, 90, 40, 100),)
 
 
 @pytest.fixture
 def several(tmp_path: Path) -> Path:
     """A pack with desktops of two applications, and an error page that leaves a panel free."""
-    made = PackMaker(tmp_path / "several")
+    pack_maker = PackMaker(tmp_path / "several")
     for number, app in enumerate(("thunar", "gimp", "chromium")):
-        made.add(
+        pack_maker.add(
             f"desktop-{app}",
             "desktop",
             pixels(30 + number, 320, 200),
             app=app,
             recover={"type": "click", "x": number, "y": 190},
         )
-    made.add(
+    pack_maker.add(
         "window",
         "error_page",
         pixels(40, 320, 180),
@@ -95,7 +95,7 @@ def several(tmp_path: Path) -> Path:
         box=[0, 0, 320, 180],
         targets=[{"name": "Reload", "role": "button", "box": [10, 20, 30, 40]}],
     )
-    made.add(
+    pack_maker.add(
         "half",
         "error_page",
         pixels(41, 160, 180),
@@ -103,7 +103,7 @@ def several(tmp_path: Path) -> Path:
         screen=[320, 200],
         box=[160, 0, 320, 180],
     )
-    return made.write()
+    return pack_maker.write()
 
 
 @pytest.mark.parametrize(("apps", "domain"), [(("GIMP", "vlc"), ""), ((), "gimp")])
@@ -155,19 +155,19 @@ def test_on_a_foreign_desktop_the_application_must_be_known_all_the_same(several
 
 
 def test_a_desktop_that_nothing_undoes_is_no_step(tmp_path: Path) -> None:
-    made = PackMaker(tmp_path / "pack")
-    made.add("bare", "desktop", pixels(1, 320, 200), app="editor")
+    pack_maker = PackMaker(tmp_path / "pack")
+    pack_maker.add("bare", "desktop", pixels(1, 320, 200), app="editor")
     with pytest.raises(NotApplicable, match="nothing was recorded that undoes bare"):
-        edit("minimise", made.write())
+        edit("minimise", pack_maker.write())
 
 
 def test_an_error_page_stands_on_the_desktop_that_showed_it(several: Path) -> None:
-    found, picture = edit("firewall", several, apps=("chrome",))
+    value, picture = edit("firewall", several, apps=("chrome",))
     assert np.array_equal(picture[:180], pixels(40, 320, 180))
     assert np.array_equal(picture[180:], pixels(32, 320, 200)[180:])
-    assert (found.fidelity, found.notes) == ("composited", ("window stands on desktop-chromium",))
-    assert found.response.action == Action("wait")
-    assert "network" in found.reminder
+    assert (value.fidelity, value.notes) == ("composited", ("window stands on desktop-chromium",))
+    assert value.response.action == Action("wait")
+    assert "network" in value.reminder
 
 
 def test_an_error_page_needs_a_browser(assets: Path) -> None:
@@ -177,9 +177,9 @@ def test_an_error_page_needs_a_browser(assets: Path) -> None:
         {"apps": ("vlc", "browser")},
         {"domain": "web"},
     ):
-        found, picture = edit("firewall", assets, **about)  # type: ignore[arg-type]
+        value, picture = edit("firewall", assets, **about)  # type: ignore[arg-type]
         assert np.array_equal(picture, pixels(3, 320, 200))
-        assert (found.fidelity, found.boxes) == ("recorded", ((200, 100, 240, 120),))
+        assert (value.fidelity, value.boxes) == ("recorded", ((200, 100, 240, 120),))
     for about in ({}, {"apps": ("gimp",)}, {"domain": "Daily"}, {"apps": ("chrome_remote",)}):
         with pytest.raises(NotApplicable, match="names no browser"):
             edit("firewall", assets, **about)  # type: ignore[arg-type]
@@ -196,14 +196,14 @@ def test_the_panel_lists_no_window_but_the_one_with_the_error_page(
     title: str, tmp_path: Path
 ) -> None:
     """A button of another title is covered by the panel's own free part, to its right."""
-    made = PackMaker(tmp_path / "pack")
+    pack_maker = PackMaker(tmp_path / "pack")
     panel = pixels(30, 320, 200)
     buttons = [
         {"name": "Search - Chromium", "role": "toggle-button", "box": [100, 180, 190, 200]},
         {"name": "12:00", "role": "toggle-button", "box": [240, 180, 320, 200]},
     ]
-    made.add("desktop", "desktop", panel, app="chromium", targets=buttons)
-    made.add(
+    pack_maker.add("desktop", "desktop", panel, app="chromium", targets=buttons)
+    pack_maker.add(
         "window",
         "error_page",
         pixels(40, 320, 180),
@@ -212,7 +212,7 @@ def test_the_panel_lists_no_window_but_the_one_with_the_error_page(
         box=[0, 0, 320, 180],
         targets=[{"name": f"{title} - Network error", "role": "page-tab", "box": [0, 0, 9, 9]}],
     )
-    _, picture = edit("firewall", made.write(), apps=("chrome",))
+    _, picture = edit("firewall", pack_maker.write(), apps=("chrome",))
     if title == "news.test":  # 50 free pixels cover 90
         panel[180:, 100:150] = panel[180:, 190:240]
         panel[180:, 150:190] = panel[180:, 190:230]
@@ -234,9 +234,9 @@ def test_a_page_is_cut_or_continued_by_its_own_background(
     size: tuple[int, int], assets: Path
 ) -> None:
     """A page of that size with the same content in its middle is what comes out, pixel by pixel."""
-    found, picture = edit("firewall", assets, size=size, screen="web page")
+    value, picture = edit("firewall", assets, size=size, screen="web page")
     assert np.array_equal(picture, page(size[1], size[0]))
-    assert (found.fidelity, found.response.action) == ("composited", Action("wait"))
+    assert (value.fidelity, value.response.action) == ("composited", Action("wait"))
 
 
 @pytest.mark.parametrize("size", [(40, 400), (260, 58)])
@@ -251,29 +251,29 @@ def test_content_is_never_cut_off(size: tuple[int, int], assets: Path) -> None:
 def test_a_page_whose_edge_is_not_plain_is_not_continued(
     spot: tuple[int, int], tmp_path: Path
 ) -> None:
-    made = PackMaker(tmp_path / "pack")
+    pack_maker = PackMaker(tmp_path / "pack")
     picture = page(100, 140)
     picture[spot] = 200
-    made.add("view", "error_view", picture)
+    pack_maker.add("view", "error_view", picture)
     with pytest.raises(NotApplicable):
-        edit("firewall", made.write(), size=(140, 120), screen="web page")
+        edit("firewall", pack_maker.write(), size=(140, 120), screen="web page")
     assert tuple(picture[-1, 0]) == BACKGROUND
 
 
 def test_the_page_of_the_nearest_width_is_taken(tmp_path: Path) -> None:
-    made = PackMaker(tmp_path / "pack")
+    pack_maker = PackMaker(tmp_path / "pack")
     for width in (200, 300, 400):
-        made.add(f"view-{width}", "error_view", page(width, 150, (60, 20 + width // 10)))
-    found, picture = edit("firewall", made.write(), size=(150, 290), screen="web page")
+        pack_maker.add(f"view-{width}", "error_view", page(width, 150, (60, 20 + width // 10)))
+    value, picture = edit("firewall", pack_maker.write(), size=(150, 290), screen="web page")
     assert np.array_equal(picture, page(290, 150, (60, 50)))
-    assert found.notes == ("view-300 was cut or continued to the size of the page",)
+    assert value.notes == ("view-300 was cut or continued to the size of the page",)
 
 
 @pytest.mark.parametrize(("kind", "spare"), SPARE.items())
 def test_a_pack_without_such_pictures(kind: str, spare: str, tmp_path: Path) -> None:
-    made = PackMaker(tmp_path / "pack")
-    made.add("x", "window", pixels(1, 20, 20))
-    folder = made.write()
+    pack_maker = PackMaker(tmp_path / "pack")
+    pack_maker.add("x", "window", pixels(1, 20, 20))
+    folder = pack_maker.write()
     assert not AssetPack.load(folder).pictures(spare)
     with pytest.raises(NotApplicable):
         edit(kind, folder, apps=("chrome",))

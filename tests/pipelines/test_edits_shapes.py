@@ -67,11 +67,11 @@ APPS = {"touch": ("mousepad",)}  # whose dialogs were recorded
 def sources(ops: tuple[Any, ...]) -> list[np.ndarray]:
     """The recorded pictures, or the parts of them, that the operations paste."""
     assert all(isinstance(op, Paste) for op in ops), "something was scaled"
-    found = []
+    items = []
     for op in ops:
         crop = op.sprite.get("crop") or (0, 0, 1 << 16, 1 << 16)
-        found.append(PACK.get(op.sprite["id"]).pixels()[crop[1] : crop[3], crop[0] : crop[2]])
-    return found
+        items.append(PACK.get(op.sprite["id"]).pixels()[crop[1] : crop[3], crop[0] : crop[2]])
+    return items
 
 
 @pytest.mark.parametrize("kind", list(EDITS))
@@ -87,19 +87,19 @@ def test_every_edit_is_made_at_any_size_or_says_why_not(kind: str) -> None:
         )
         frame = replace(frame, guess=True)  # nothing here is known to open a recorded menu
         try:
-            found = EDITS[kind].apply(frame, Effect(kind, PARAMS[kind]))
+            result = EDITS[kind].apply(frame, Effect(kind, PARAMS[kind]))
         except NotApplicable as reason:
             refused[width, height] = str(reason)
             continue
-        picture = drawn(frame, found)
+        picture = drawn(frame, result)
         assert picture.shape == (height, width, 3)
         assert picture.any()
         inside = [
-            0 <= x1 < x2 <= width and 0 <= y1 < y2 <= height for x1, y1, x2, y2 in found.boxes
+            0 <= x1 < x2 <= width and 0 <= y1 < y2 <= height for x1, y1, x2, y2 in result.boxes
         ]
-        assert all(inside), (width, height, found.boxes)
-        if found.response is not None and found.response.target_box is not None:
-            assert found.response.target_box in found.boxes
+        assert all(inside), (width, height, result.boxes)
+        if result.response is not None and result.response.target_box is not None:
+            assert result.response.target_box in result.boxes
     assert refused.keys() <= {(320, 480), (640, 360), (640, 480)}, refused
     for (width, height), reason in refused.items():
         assert re.search(
@@ -109,16 +109,16 @@ def test_every_edit_is_made_at_any_size_or_says_why_not(kind: str) -> None:
 
 @pytest.mark.parametrize("size", [(759, 1213), (768, 1024), (1920, 1080), (1440, 3440)])
 def test_a_lock_screen_is_a_cut_wallpaper_and_a_centred_dialog(size: tuple[int, int]) -> None:
-    made = screen_layout.lock_screen(PACK, size, Stream(1, "t", "t"), NOBODY)
-    assert made is not None
-    wallpaper, dialog = sources(made.ops)
+    result = screen_layout.lock_screen(PACK, size, Stream(1, "t", "t"), NOBODY)
+    assert result is not None
+    wallpaper, dialog = sources(result.ops)
     (height, width), (h, w) = size, dialog.shape[:2]
-    x, y = made.ops[1].at[0]
+    x, y = result.ops[1].at[0]
     assert (x, y) == ((width - w) // 2, (height - h) // 2)
     expected = wallpaper.copy()
     expected[y : y + h, x : x + w] = dialog
-    found = hj.apply(hj.Plan("t-v1", size, ops=made.ops), np.zeros((*size, 3), np.uint8))
-    assert np.array_equal(found, expected)
+    value = hj.apply(hj.Plan("t-v1", size, ops=result.ops), np.zeros((*size, 3), np.uint8))
+    assert np.array_equal(value, expected)
 
 
 @pytest.mark.parametrize("size", [(759, 1213), (768, 1024), (1920, 1080), (1440, 3440)])
@@ -127,9 +127,9 @@ def test_a_panel_spans_the_width_and_keeps_its_ends(size: tuple[int, int]) -> No
     for asset in PACK.pictures("desktop", screen=(1080, 1920))[:4]:
         bar = screen_layout.panel(asset, size)
         assert bar is not None
-        found = hj.apply(hj.Plan("t-v1", size, ops=bar.ops), np.full((*size, 3), 7, np.uint8))
-        recorded, strip = asset.pixels()[-37:], found[-37:]
-        assert (found[:-37] == 7).all()
+        result = hj.apply(hj.Plan("t-v1", size, ops=bar.ops), np.full((*size, 3), 7, np.uint8))
+        recorded, strip = asset.pixels()[-37:], result[-37:]
+        assert (result[:-37] == 7).all()
         assert np.array_equal(strip[:, :500], recorded[:, :500])
         assert np.array_equal(strip[:, -115:], recorded[:, -115:])
         alike = {column.tobytes() for column in recorded.transpose(1, 0, 2)}
@@ -143,17 +143,17 @@ def test_icons_are_unscaled_and_stand_where_the_desktop_puts_them() -> None:
     for size in ((720, 1280), (768, 1366), (1080, 1920), (1440, 2560)):
         asset = PACK.pictures("desktop", screen=size)[0]
         recorded = {target.box for target in asset.targets if target.role == "icon"}
-        made = screen_layout.desktop(PACK, size, Stream(1, "t", "t"), NOBODY)
-        assert made is not None
-        assert recorded <= set(made.boxes)
+        result = screen_layout.desktop(PACK, size, Stream(1, "t", "t"), NOBODY)
+        assert result is not None
+        assert recorded <= set(result.boxes)
 
 
 def test_what_brings_a_window_back_moves_with_the_panel() -> None:
-    made = screen_layout.desktop(PACK, (758, 1212), Stream(3, "t", "t"), NOBODY)
-    assert made is not None
-    assert made.asset.recover is not None
-    recorded, moved = made.asset.recover, made.mapped(made.asset.recover)
-    assert moved.target_box in made.boxes
+    result = screen_layout.desktop(PACK, (758, 1212), Stream(3, "t", "t"), NOBODY)
+    assert result is not None
+    assert result.asset.recover is not None
+    recorded, moved = result.asset.recover, result.mapped(result.asset.recover)
+    assert moved.target_box in result.boxes
     assert (moved.action.x, moved.action.y) == (recorded.action.x, recorded.action.y - 1080 + 758)
 
 
@@ -162,23 +162,23 @@ def test_a_browser_keeps_its_buttons_at_the_edge_and_its_page_in_the_middle(
     size: tuple[int, int],
 ) -> None:
     width = size[1]
-    seen = set()
+    names = set()
     for seed in range(6):
-        made = error_page(PACK, size, Stream(seed, "t", "t"), NOBODY)
-        assert made is not None
-        page, whole = made.asset, made.asset.size[1]
-        seen.add(page.look)
-        found = hj.apply(hj.Plan("t-v1", size, ops=made.ops), np.full((*size, 3), 7, np.uint8))
+        result = error_page(PACK, size, Stream(seed, "t", "t"), NOBODY)
+        assert result is not None
+        page, whole = result.asset, result.asset.size[1]
+        names.add(page.look)
+        value = hj.apply(hj.Plan("t-v1", size, ops=result.ops), np.full((*size, 3), 7, np.uint8))
         recorded = page.pixels()
-        assert np.array_equal(found[:100, :270], recorded[:100, :270])
-        assert np.array_equal(found[:100, -100:], recorded[:100, -100:])
+        assert np.array_equal(value[:100, :270], recorded[:100, :270])
+        assert np.array_equal(value[:100, -100:], recorded[:100, -100:])
         reload = next(target.box for target in page.targets if target.name == "Reload")
-        assert reload in made.boxes
+        assert reload in result.boxes
         address = next(target.box for target in page.targets if target.name.startswith("Address"))
-        assert (address[0], address[1], address[2] + width - whole, address[3]) in made.boxes
+        assert (address[0], address[1], address[2] + width - whole, address[3]) in result.boxes
         body = recorded[130:600, (whole - 560) // 2 : (whole + 560) // 2]
         left = (width - whole) // 2 + (whole - 560) // 2 if width < whole else (width - 560) // 2
         assert any(
-            np.array_equal(found[130:600, x : x + 560], body) for x in (left - 1, left, left + 1)
+            np.array_equal(value[130:600, x : x + 560], body) for x in (left - 1, left, left + 1)
         )
-    assert seen == {"golden", "dark"}
+    assert names == {"golden", "dark"}

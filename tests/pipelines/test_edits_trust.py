@@ -109,9 +109,9 @@ def test_a_build_is_not_resumed_with_another_pack(
     browsing: Path, assets: Path, tmp_path: Path
 ) -> None:
     build(browsing, tmp_path / "out", corruptions="verification", assets=assets)
-    other = changed_pack(assets, tmp_path / "other")
+    second = changed_pack(assets, tmp_path / "other")
     with pytest.raises(BuildError, match=r"assets was .*, is"):
-        build(browsing, tmp_path / "out", corruptions="verification", assets=other, resume=True)
+        build(browsing, tmp_path / "out", corruptions="verification", assets=second, resume=True)
     shutil.copytree(assets, tmp_path / "same")
     again = build(
         browsing,
@@ -168,10 +168,10 @@ def test_verify_says_when_the_pack_differs(
     fresh(assets)
     assert (verify(tmp_path / "out").notes, verify(tmp_path / "out").ok) == ([], True)
     fresh(changed_pack(assets, tmp_path / "unused", "view"))  # no row shows it
-    found = verify(tmp_path / "out")
-    assert found.ok
-    assert "is not the one of the build" in found.notes[0]
-    assert "note: the asset pack here" in "\n".join(found.lines())
+    result = verify(tmp_path / "out")
+    assert result.ok
+    assert "is not the one of the build" in result.notes[0]
+    assert "note: the asset pack here" in "\n".join(result.lines())
     fresh(changed_pack(assets, tmp_path / "used"))
     problems = verify(tmp_path / "out").problems
     assert [problem.split(": ")[1] for problem in problems] == [
@@ -216,7 +216,7 @@ def test_a_recording_may_name_the_key_of_its_draws(
 ) -> None:
     """Two runs of one task get the same plans, and lazy rows still hold a recipe."""
     planners = (("marks", small["marks"]), ("touch", hj.AccidentalTouch(step=0)))
-    made = []
+    values = []
     items = list(get_reader("jsonl").read(browsing))
     for name, sample in (("run-a", "task"), ("run-b", "task"), ("task", None), ("other", None)):
         trajectory = replace(items[0], id=name, sample=sample)  # type: ignore[type-var]
@@ -225,14 +225,14 @@ def test_a_recording_may_name_the_key_of_its_draws(
         rows = make_rows(
             trajectory, step, Path(step.image).read_bytes(), "x", settings, RowCounts()
         )  # type: ignore[arg-type]
-        made.append(list(rows))
-    digests = [[row["plan_digest"] for row in rows] for rows in made]
+        values.append(list(rows))
+    digests = [[row["plan_digest"] for row in rows] for rows in values]
     assert digests[0] == digests[1] == digests[2] != digests[3]
-    recipe = json.loads(made[0][0]["plan"])
+    recipe = json.loads(values[0][0]["plan"])
     assert recipe == {
         "corruption": "marks-v1",
         "format": "agenthijack-recipe",
         "sample": "task",
         "version": 1,
     }
-    assert render({**made[0][0]})["plan"] == render({**made[2][0]})["plan"]
+    assert render({**values[0][0]})["plan"] == render({**values[2][0]})["plan"]

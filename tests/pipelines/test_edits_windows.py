@@ -24,9 +24,9 @@ BUTTON = (230, 100, 280, 120)  # of the size that opens what `assets` has
 
 
 def window(pack: Path, effect: Effect = LAUNCH, **frame: Any) -> tuple[Any, np.ndarray, Any]:
-    made = frame_of(pack, **frame)
-    found = EDITS["launch_app"].apply(made, effect)
-    return found, drawn(made, found), made
+    result = frame_of(pack, **frame)
+    value = EDITS["launch_app"].apply(result, effect)
+    return value, drawn(result, value), result
 
 
 def pasted(found: Any) -> tuple[str, tuple[int, int]]:
@@ -35,19 +35,19 @@ def pasted(found: Any) -> tuple[str, tuple[int, int]]:
 
 
 def test_a_window_is_pasted_as_it_was_recorded(assets: Path) -> None:
-    found, picture, _ = window(assets)
-    name, (x, y) = pasted(found)
+    value, picture, _ = window(assets)
+    name, (x, y) = pasted(value)
     assert name == "gimp-90x70"
     assert np.array_equal(picture[y : y + 70, x : x + 90], pixels(10, 90, 70))
-    assert found.boxes == ((x, y, x + 90, y + 70),)
-    assert (found.fidelity, found.response, found.inserted, found.reminder) == (
+    assert value.boxes == ((x, y, x + 90, y + 70),)
+    assert (value.fidelity, value.response, value.inserted, value.reminder) == (
         "composited",
         None,
         False,
         None,
     )
-    assert found.notes == ("a window of gimp was recorded, and none of vscode that fits",)
-    assert "application" in found.event
+    assert value.notes == ("a window of gimp was recorded, and none of vscode that fits",)
+    assert "application" in value.event
 
 
 @pytest.mark.parametrize(
@@ -70,9 +70,9 @@ def test_an_application_of_the_recording_is_never_the_second(
 
 
 def test_browsers_are_one_family(tmp_path: Path) -> None:
-    made = PackMaker(tmp_path / "pack")
-    made.add("browser", "window", pixels(1, 60, 50), app="chromium", screen=[320, 200])
-    folder = made.write()
+    pack_maker = PackMaker(tmp_path / "pack")
+    pack_maker.add("browser", "window", pixels(1, 60, 50), app="chromium", screen=[320, 200])
+    folder = pack_maker.write()
     for app in ("Google Chrome", "firefox", "safari", "browser", "chromium"):
         with pytest.raises(
             NotApplicable, match="no window of an application that the recording does not use"
@@ -101,10 +101,10 @@ def test_a_program_that_the_instruction_names_is_not_the_second(
     instruction: str, is_named: bool, tmp_path: Path
 ) -> None:
     """An instruction never proves what shows, and may say that a program is not another one."""
-    made = PackMaker(tmp_path / "pack")
-    made.add("picture", "window", pixels(1, 60, 50), app="gimp", screen=[320, 200])
+    pack_maker = PackMaker(tmp_path / "pack")
+    pack_maker.add("picture", "window", pixels(1, 60, 50), app="gimp", screen=[320, 200])
     effect = Effect("launch_app", {"app": "gimp", "tile": True})
-    frame = frame_of(made.write(), apps=("chrome",), instruction=instruction)
+    frame = frame_of(pack_maker.write(), apps=("chrome",), instruction=instruction)
     if is_named:
         with pytest.raises(NotApplicable, match="no window of an application"):
             EDITS["launch_app"].apply(frame, effect)
@@ -114,11 +114,11 @@ def test_a_program_that_the_instruction_names_is_not_the_second(
 
 def test_the_plan_says_which_application_comes_first(assets: Path) -> None:
     for app in ("gimp", "thunar"):
-        found, _, _ = window(
+        value, _, _ = window(
             assets, Effect("launch_app", {"app": app, "then": ["gimp"], "tile": True})
         )
-        assert pasted(found)[0].startswith(app)
-        assert found.notes == ()
+        assert pasted(value)[0].startswith(app)
+        assert value.notes == ()
 
 
 @settings(
@@ -131,15 +131,15 @@ def test_the_target_and_the_screen_are_left_whole(assets: Path, data: st.DataObj
     boxes = [(x, y, x + w + 1, y + h + 1) for x, y, w, h in boxes]
     action = Action("click", data.draw(st.integers(0, 319)), data.draw(st.integers(0, 199)))
     try:
-        found, _, frame = window(
+        value, _, frame = window(
             assets, boxes=boxes, action=action, seed=data.draw(st.integers(0, 50))
         )
     except NotApplicable:
         assume(False)
-    x1, y1, x2, y2 = found.boxes[0]
+    x1, y1, x2, y2 = value.boxes[0]
     assert 0 <= x1 < x2 <= 320
     assert 6 <= y1 < y2 <= 190  # clear of panels
-    plan = hj.Plan("x-v1", (200, 320), ops=found.ops)
+    plan = hj.Plan("x-v1", (200, 320), ops=value.ops)
     judged = hj.judge(plan, frame.image, hj.apply(plan, frame.image), target=frame.scene.target)
     whole = hj.judge(hj.Plan.clean((200, 320)), frame.image, frame.image, target=frame.scene.target)
     assert judged.target_visible == whole.target_visible
@@ -150,14 +150,14 @@ def test_it_stands_where_it_covers_the_fewest_elements(assets: Path) -> None:
     large window."""
     boxes = [(x, y, x + 18, y + 18) for x in range(160, 320, 20) for y in range(0, 200, 20)]
     for seed in range(6):
-        found, _, _ = window(
+        value, _, _ = window(
             assets,
             Effect("launch_app", {"app": "thunar"}),
             boxes=boxes,
             seed=seed,
             action=Action("click", 20, 12),
         )
-        name, (x, _) = pasted(found)
+        name, (x, _) = pasted(value)
         assert (name, x + 120 <= 160) == ("thunar-120x150", True)
 
 
@@ -187,24 +187,24 @@ def test_screens_without_room(size: tuple[int, int], assets: Path) -> None:
 
 
 def touch(pack: Path, boxes: Any, without_app: bool = True, **frame: Any) -> tuple[Any, np.ndarray]:
-    made = frame_of(pack, boxes=boxes, **frame)
-    found = EDITS["touch"].apply(
-        made, Effect("touch", {"boxes": [list(box) for box in boxes], "without_app": without_app})
+    result = frame_of(pack, boxes=boxes, **frame)
+    value = EDITS["touch"].apply(
+        result, Effect("touch", {"boxes": [list(box) for box in boxes], "without_app": without_app})
     )
-    return found, drawn(made, found)
+    return value, drawn(result, value)
 
 
 def only(kind: str, folder: Path, **more: Any) -> Path:
     """A pack with one menu or dialog of 60x40, of the application of `frame_of`."""
-    made = PackMaker(folder)
+    pack_maker = PackMaker(folder)
     about: dict[str, Any] = {
         "app": "editor",
         "recover": {"type": "hotkey", "keys": ["esc"]},
         "opened_by": clicked((0, 0, 40, 10)),
         **more,
     }
-    made.add("opened", kind, pixels(5, 60, 40), **{"screen": [320, 200], **about})
-    return made.write()
+    pack_maker.add("opened", kind, pixels(5, 60, 40), **{"screen": [320, 200], **about})
+    return pack_maker.write()
 
 
 def clicked(element: Any, x: int = 0, gap: int = 0) -> dict[str, Any]:
@@ -230,20 +230,20 @@ def test_a_menu_hangs_from_what_was_clicked(
     element: Any, x: int, gap: int, corner: tuple[int, int], tmp_path: Path
 ) -> None:
     folder = only("menu", tmp_path / "pack", opened_by=clicked(element, x, gap))
-    found, picture = touch(folder, [element])
+    value, picture = touch(folder, [element])
     x, y = corner
     assert np.array_equal(picture[y : y + 40, x : x + 60], pixels(5, 60, 40))
     picture[y : y + 40, x : x + 60] = 0
     assert {tuple(place) for place in np.argwhere(picture.any(axis=2)).tolist()} <= {
         (element[1], element[0])
     }
-    assert (found.fidelity, found.inserted, found.reminder) == ("composited", True, None)
-    assert (found.response.action, found.response.target_box) == (
+    assert (value.fidelity, value.inserted, value.reminder) == ("composited", True, None)
+    assert (value.response.action, value.response.target_box) == (
         Action("hotkey", keys=("esc",)),
         None,
     )
-    assert found.notes == (f"the element at {list(element)} was clicked",)
-    assert "menu opened" in found.event
+    assert value.notes == (f"the element at {list(element)} was clicked",)
+    assert "menu opened" in value.event
 
 
 def test_a_dialog_comes_in_the_middle_with_its_button(tmp_path: Path) -> None:
@@ -253,14 +253,14 @@ def test_a_dialog_comes_in_the_middle_with_its_button(tmp_path: Path) -> None:
     folder = only(
         "dialog", tmp_path / "pack", recover=recover, targets=[target], opened_by=opened_by
     )
-    found, picture = touch(folder, ELEMENTS)
+    value, picture = touch(folder, ELEMENTS)
     assert np.array_equal(picture[80:120, 130:190], pixels(5, 60, 40))
-    assert (found.response.action, found.response.target_box) == (
+    assert (value.response.action, value.response.target_box) == (
         Action("click", 155, 110),
         (140, 105, 170, 115),
     )
-    assert found.boxes == ((140, 105, 170, 115),)
-    assert "dialog opened" in found.event
+    assert value.boxes == ((140, 105, 170, 115),)
+    assert "dialog opened" in value.event
 
 
 def test_the_first_element_that_is_not_the_target_is_clicked(assets: Path) -> None:
@@ -279,9 +279,9 @@ def test_launchers_are_left_out_as_they_are_live(assets: Path) -> None:
     assert touch(assets, [*bars, BUTTON], **chrome)[0].notes == (
         f"the element at {list(BUTTON)} was clicked",
     )
-    found = touch(assets, [bars[1], BUTTON], without_app=False, **chrome)[0]
+    value = touch(assets, [bars[1], BUTTON], without_app=False, **chrome)[0]
     # the launcher opens no menu
-    assert found.notes == (f"the element at {list(BUTTON)} was clicked",)
+    assert value.notes == (f"the element at {list(BUTTON)} was clicked",)
     with pytest.raises(NotApplicable, match="no element but the target"):
         touch(assets, bars, **chrome)
 
@@ -292,9 +292,9 @@ def test_a_menu_of_the_panel_hangs_from_the_panel(tmp_path: Path) -> None:
     opened = {"type": "click", "x": 10, "y": 50, "target_box": [0, 42, 30, 54]}
     folder = only("menu", tmp_path / "pack", app="desktop", opened_by=opened)
     for apps in ((), ("gimp", "vlc"), ("editor",)):
-        found, picture = touch(folder, [(40, 188, 73, 200)], without_app=False, apps=apps)
+        value, picture = touch(folder, [(40, 188, 73, 200)], without_app=False, apps=apps)
         assert np.array_equal(picture[146:186, 40:100], pixels(5, 60, 40))
-        assert "menu opened" in found.event
+        assert "menu opened" in value.event
     with pytest.raises(NotApplicable, match="no element of this screen is known to open"):
         touch(folder, [(40, 88, 70, 100)], without_app=False)
     with pytest.raises(NotApplicable, match="names no application whose menus could open"):
@@ -309,8 +309,8 @@ def test_a_menu_of_the_panel_hangs_from_the_panel(tmp_path: Path) -> None:
 
 
 def test_without_a_target_any_element_will_do(assets: Path) -> None:
-    found, _ = touch(assets, [(90, 40, 140, 60)], action=Action("type", text="x"), apps=("chrome",))
-    assert found.notes == ("the element at [90, 40, 140, 60] was clicked",)
+    value, _ = touch(assets, [(90, 40, 140, 60)], action=Action("type", text="x"), apps=("chrome",))
+    assert value.notes == ("the element at [90, 40, 140, 60] was clicked",)
 
 
 @pytest.mark.parametrize(
@@ -337,9 +337,9 @@ def test_what_such_a_click_does_not_open_is_not_used(about: dict[str, Any], tmp_
 
 
 def test_menus_are_of_the_recordings_own_application(tmp_path: Path) -> None:
-    made = PackMaker(tmp_path / "pack")
+    pack_maker = PackMaker(tmp_path / "pack")
     for number, app in enumerate(("gimp", "thunar", "chromium")):
-        made.add(
+        pack_maker.add(
             app,
             "menu",
             pixels(number, 30, 30),
@@ -347,7 +347,7 @@ def test_menus_are_of_the_recordings_own_application(tmp_path: Path) -> None:
             recover={"type": "hotkey", "keys": ["esc"]},
             opened_by=clicked((0, 0, 40, 10)),
         )
-    folder = made.write()
+    folder = pack_maker.write()
     names = {
         touch(folder, ELEMENTS, seed=k, apps=("Chrome",))[0].ops[0].sprite["id"] for k in range(9)
     }
@@ -362,25 +362,25 @@ def test_menus_are_of_the_recordings_own_application(tmp_path: Path) -> None:
     about: dict[str, Any] = {"platform": "windows", "allow_platform_mismatch": True}
     with pytest.raises(NotApplicable, match="was recorded of firefox"):
         touch(folder, [(280, 5, 318, 15), (2, 5, 42, 15)], apps=("firefox",), **about)
-    found = touch(folder, [(280, 5, 318, 15), (2, 5, 42, 15)], apps=("chrome",), **about)
-    assert found[0].ops[0].sprite["id"] == "chromium"
-    assert found[0].ops[0].at == ((2, 15),)
+    result = touch(folder, [(280, 5, 318, 15), (2, 5, 42, 15)], apps=("chrome",), **about)
+    assert result[0].ops[0].sprite["id"] == "chromium"
+    assert result[0].ops[0].at == ((2, 15),)
 
 
 def test_what_is_greyed_out_is_not_clicked(tmp_path: Path) -> None:
     """As behind a dialog, whose window lists them all the same."""
     folder = only("menu", tmp_path / "pack")
-    made = frame_of(folder, boxes=ELEMENTS[:1])
-    made.image[...] = 200
-    made.image[16:18, 6:40] = 140
+    result = frame_of(folder, boxes=ELEMENTS[:1])
+    result.image[...] = 200
+    result.image[16:18, 6:40] = 140
     with pytest.raises(NotApplicable, match="no element but the target"):
         EDITS["touch"].apply(
-            made, Effect("touch", {"boxes": [list(ELEMENTS[0])], "without_app": True})
+            result, Effect("touch", {"boxes": [list(ELEMENTS[0])], "without_app": True})
         )
-    made.image[16:18, 6:40] = 60
+    result.image[16:18, 6:40] = 60
     assert (
         EDITS["touch"]
-        .apply(made, Effect("touch", {"boxes": [list(ELEMENTS[0])], "without_app": True}))
+        .apply(result, Effect("touch", {"boxes": [list(ELEMENTS[0])], "without_app": True}))
         .ops
     )
 

@@ -61,22 +61,22 @@ def contents(out: Path) -> dict[str, bytes]:
 
 def differences(out: Path, whole: Path) -> list[str]:
     """The rows and columns in which two datasets differ, or the files, where their rows agree."""
-    found: list[str] = []
+    items: list[str] = []
     for name, data in contents(whole).items():
         if (out / name).read_bytes() != data:
-            found.append(f"{name}: {(out / name).stat().st_size} bytes, not {len(data)}")
+            items.append(f"{name}: {(out / name).stat().st_size} bytes, not {len(data)}")
             if name.endswith(".parquet"):
                 pairs = zip(
                     *(pq.read_table(folder / name).to_pylist() for folder in (out, whole)),
                     strict=True,
                 )
-                found += [
+                items += [
                     f"{b['id']}: {key} {str(a[key])[:80]}"
                     for a, b in pairs
                     for key in b
                     if a[key] != b[key]
                 ]
-    return found
+    return items
 
 
 def once(flag: Path) -> bool:
@@ -167,7 +167,7 @@ def test_the_same_bytes_as_a_local_build(
     monkeypatch.chdir(tmp_path)
     here = build("source", "here", **options)
     calls: list[tuple[int, int]] = []
-    there = build(
+    result = build(
         "source",
         "there",
         **options,
@@ -176,9 +176,9 @@ def test_the_same_bytes_as_a_local_build(
         progress=lambda d, n, _: calls.append((d, n)),
     )
     assert contents(Path("here")) == contents(Path("there"))
-    assert (there.rows, there.rejected, there.shards) == (here.rows, 1, here.shards)
+    assert (result.rows, result.rejected, result.shards) == (here.rows, 1, here.shards)
     total = here.shards * 2
-    assert sorted(calls) == calls == [(done, total) for done in range(2, total + 1, 2)]
+    assert sorted(calls) == calls == [(item, total) for item in range(2, total + 1, 2)]
     assert verify("there").ok
     assert capfd.readouterr().out == ""
 
@@ -271,11 +271,11 @@ def test_the_source_is_read_as_shards_are_done(
 
     (tmp_path / "out" / "data").mkdir(parents=True)
     (tmp_path / "out" / ".build").mkdir()
-    settings, ahead, done = RowSettings((("marks", Marks()),)), [], []
+    settings, ahead, values = RowSettings((("marks", Marks()),)), [], []
     for record in engine.run(source(), settings, tmp_path / "out", 1, lambda _: None):
-        ahead.append(len(taken) - len(done))
-        done.append(record.index)
-    assert sorted(done) == list(range(9))
+        ahead.append(len(taken) - len(values))
+        values.append(record.index)
+    assert sorted(values) == list(range(9))
     assert ahead[0] == 1  # the first shard is done before the third is read
     assert max(ahead) <= 4  # at most a wave in the making and one that waits
 
@@ -300,16 +300,16 @@ def test_a_node_that_does_not_share_the_output(
         pytest.skip("mount namespaces are not allowed here")
     script = NAMESPACE.format(python=sys.executable, address=cluster.address, store=STORE)
     command = ["unshare", "-m", "sh", "-c", script, "sh", str(out)]
-    known = {n["NodeID"] for n in ray.nodes()}  # dead ones, too: a cluster learns of a death late
+    names = {n["NodeID"] for n in ray.nodes()}  # dead ones, too: a cluster learns of a death late
     node = subprocess.Popen(
         command, stdout=subprocess.DEVNULL, stderr=subprocess.STDOUT, start_new_session=True
     )
     try:
         deadline = time.monotonic() + 60
-        while {n["NodeID"] for n in ray.nodes()} == known and time.monotonic() < deadline:
+        while {n["NodeID"] for n in ray.nodes()} == names and time.monotonic() < deadline:
             assert node.poll() is None, "the node did not start"
             time.sleep(0.1)
-        assert {n["NodeID"] for n in ray.nodes()} > known, "the node did not join"
+        assert {n["NodeID"] for n in ray.nodes()} > names, "the node did not join"
         with pytest.raises(
             BuildError, match=rf"{out}: the node .* does not see this folder.*all nodes share"
         ):
@@ -334,11 +334,11 @@ def test_a_cluster_that_runs_already(recording: Any, cluster: Any, tmp_path: Pat
     options = ["--config", str(tmp_path / "config.yaml"), "--engine", "ray", "--json"]
     command = [*COMMAND, str(source), "--out", str(out), *options]
     environment = {**os.environ, "RAY_ADDRESS": cluster.address}
-    done = subprocess.run(
+    process = subprocess.run(
         command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
-    assert json.loads(done.stdout)["rows"] == 4
+    assert process.returncode == 0, process.stderr
+    assert json.loads(process.stdout)["rows"] == 4
     build(source, tmp_path / "whole", config=tmp_path / "config.yaml")
     assert contents(out) == contents(tmp_path / "whole")
     assert len([node for node in ray.nodes() if node["Alive"]]) == 2  # it goes on
@@ -376,8 +376,8 @@ def test_ctrl_c_and_kill_end_the_cluster_that_was_started(
     environment.pop("RAY_ADDRESS", None)
     command = [sys.executable, str(tmp_path / "run.py"), str(source), "--out", str(out), *options]
     # files: the agents of Ray would keep a pipe open
-    said = tmp_path / "stdout", tmp_path / "stderr"
-    with said[0].open("w") as first, said[1].open("w") as second:
+    message = tmp_path / "stdout", tmp_path / "stderr"
+    with message[0].open("w") as first, message[1].open("w") as second:
         process = subprocess.Popen(
             command, env=environment, stdout=first, stderr=second, start_new_session=True
         )
@@ -394,7 +394,7 @@ def test_ctrl_c_and_kill_end_the_cluster_that_was_started(
     else:
         process.kill()
     process.wait(timeout=60)
-    output, errors = (file.read_text() for file in said)
+    output, errors = (file.read_text() for file in message)
     assert output == ""
     assert "Traceback" not in errors
     if how == signal.SIGINT:
@@ -416,13 +416,13 @@ def test_ctrl_c_and_kill_end_the_cluster_that_was_started(
 
 def marked(value: Path) -> list[str]:
     """The processes that run with the mark in their environment."""
-    found = []
+    items = []
     for process in Path("/proc").glob("[0-9]*"):
         try:
             if f"{MARK}={value}".encode() in (process / "environ").read_bytes().split(b"\0"):
-                found.append(
+                items.append(
                     (process / "cmdline").read_bytes().partition(b"\0")[0].decode().strip()
                 )
         except OSError:
             continue
-    return found
+    return items

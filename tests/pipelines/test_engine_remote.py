@@ -72,12 +72,12 @@ def test_a_shard_that_was_written_elsewhere(
     task = task_of(recording(trajectories=1, steps=1))
     record = build_shard(task, job.settings, job.out)
     assert engine._record(record, "n1", job.out) is record
-    for other in (job.out / "local", job.out):
+    for second in (job.out / "local", job.out):
         with pytest.raises(
             BuildError,
-            match=rf"{other}/data/train-00000.parquet: the node n1 wrote.*all nodes share",
+            match=rf"{second}/data/train-00000.parquet: the node n1 wrote.*all nodes share",
         ):
-            engine._record(replace(record, bytes=record.bytes + 1), "n1", other)
+            engine._record(replace(record, bytes=record.bytes + 1), "n1", second)
 
 
 def test_messages_of_ray_do_not_mix_with_the_output(capsys: Any) -> None:
@@ -90,10 +90,10 @@ def test_messages_of_ray_do_not_mix_with_the_output(capsys: Any) -> None:
             thread = threading.Thread(target=speak, name=name)
             thread.start()
             thread.join()
-    said = capsys.readouterr()
-    assert said.err == "\033[33m(raylet)\033[0m A worker died.\n"
-    assert said.out.startswith("ours\n\033[33m(raylet)")
-    assert said.out.count("state-dump") == 2
+    output = capsys.readouterr()
+    assert output.err == "\033[33m(raylet)\033[0m A worker died.\n"
+    assert output.out.startswith("ours\n\033[33m(raylet)")
+    assert output.out.count("state-dump") == 2
 
 
 def test_without_ray(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

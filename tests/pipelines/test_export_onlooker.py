@@ -192,9 +192,9 @@ def test_summaries(source: Path, assets: Path, tmp_path: Path, output: str) -> N
             == f"pyautogui.click({before['action']['x']}, {before['action']['y']})"
         )
         assert (row["event"], row["made_by"]) == (after["event"], "template")
-        asked, answered = said(row, 2)
+        requests, answered = said(row, 2)
         assert answered == row["summary"]
-        assert f"\nAction: {row['action_text']}\n" in asked
+        assert f"\nAction: {row['action_text']}\n" in requests
         place = f"({before['action']['x']}, {before['action']['y']})"
         assert row["summary"].startswith(f"The agent clicked at {place}. ")
         if after["event"]:
@@ -273,10 +273,10 @@ def test_events_among_the_steps_of_one_corruption(
     }
     source = in_browser(recording(trajectories=1, steps=5))
     export(made(source, assets, tmp_path / "set", planners), tmp_path / "out", to="onlooker")
-    found = {row["id"].removeprefix("t0/"): row for row in table(tmp_path / "out", "summaries")}
+    entries = {row["id"].removeprefix("t0/"): row for row in table(tmp_path / "out", "summaries")}
     pairs = {
         name: row["before_id"].removeprefix("t0/")
-        for name, row in found.items()
+        for name, row in entries.items()
         if "clean" not in name
     }
     assert pairs == {
@@ -287,11 +287,11 @@ def test_events_among_the_steps_of_one_corruption(
         "0002/locked": "0001/locked",
         "0003/locked": "0002/locked",
     }
-    assert "The session was locked" in found["0003/locked"]["summary"]
+    assert "The session was locked" in entries["0003/locked"]["summary"]
     # the agent's own, not the wait that it calls for
-    assert found["0003/locked"]["action"]["type"] == "click"
+    assert entries["0003/locked"]["action"]["type"] == "click"
     # in pixels of the screen that was acted on
-    assert found["0002/half+minimise"]["action"]["x"] == 50
+    assert entries["0002/half+minimise"]["action"]["x"] == 50
 
 
 @pytest.mark.parametrize("dialect", ["pyautogui", "ui_tars"])
@@ -455,10 +455,10 @@ export(sys.argv[1], sys.argv[2], to="onlooker", progress=die)
 
 
 def test_an_export_that_was_killed_is_done_again(dataset: Path, tmp_path: Path) -> None:
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", KILLED, str(dataset), str(tmp_path / "out")], cwd=ROOT, check=False
     )
-    assert done.returncode == -9
+    assert process.returncode == -9
     assert not (tmp_path / "out").exists()
     assert (tmp_path / ".out.exporting" / "summaries").is_dir()
     for name in ("out", "whole"):

@@ -37,22 +37,22 @@ def test_what_is_drawn(trajectories: list[list[tuple[int, str]]], tenths: int, s
         for step, label in sorted(steps)
     ]
     chooser = OnlookerSampler(seed, tenths / 10)
-    found = chooser.choose_rows(rows)
-    assert found == OnlookerSampler(seed, tenths / 10).choose_rows(rows)
+    result = chooser.choose_rows(rows)
+    assert result == OnlookerSampler(seed, tenths / 10).choose_rows(rows)
     needed = {number for number, row in enumerate(rows) if row["reminder"]}
-    assert {number for number, kind in found.items() if kind == WITH_REMINDER} == needed
-    assert {kind for number, kind in found.items() if number not in needed} <= set(KINDS)
+    assert {number for number, kind in result.items() if kind == WITH_REMINDER} == needed
+    assert {kind for number, kind in result.items() if number not in needed} <= set(KINDS)
     owed = Counter[int]()
-    wanted = 0
+    expected = 0
     for name, steps in enumerate(trajectories):  # in tenths, so that nothing is lost by rounding
-        wanted += tenths * sum(label == "lock" for _, label in steps)
-        owed[name] = min(wanted // 10, sum(label != "lock" for _, label in steps))
-        wanted -= 10 * owed[name]
+        expected += tenths * sum(label == "lock" for _, label in steps)
+        owed[name] = min(expected // 10, sum(label != "lock" for _, label in steps))
+        expected -= 10 * owed[name]
     taken = Counter(
-        int(rows[number]["trajectory_id"][1:]) for number in found if number not in needed
+        int(rows[number]["trajectory_id"][1:]) for number in result if number not in needed
     )
     assert taken == Counter({name: count for name, count in owed.items() if count})
-    assert chooser.short == wanted // 10
+    assert chooser.short == expected // 10
 
 
 def test_each_kind_is_drawn_as_often() -> None:
@@ -82,8 +82,8 @@ def test_each_kind_is_drawn_as_often() -> None:
 
 def test_words_for_every_action() -> None:
     empty: dict[str, Any] = dict.fromkeys(ACTION)
-    found = {kind: describe_action({**empty, "type": kind}, "") for kind in ACTION_TYPES}
-    assert len(set(found.values())) == len(ACTION_TYPES)
+    entries = {kind: describe_action({**empty, "type": kind}, "") for kind in ACTION_TYPES}
+    assert len(set(entries.values())) == len(ACTION_TYPES)
     full = {**empty, "x": 1, "y": 2, "x2": 3, "y2": 4, "text": 'a "b"\n', "keys": ["ctrl", "s"]}
     says = lambda kind, **more: describe_action(  # noqa: E731
         {**full, "type": kind, **more}, ""

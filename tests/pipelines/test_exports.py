@@ -118,10 +118,10 @@ def test_chat_rows_load(dataset: Path, tmp_path: Path, monkeypatch: pytest.Monke
     assert len(loaded) == 27
     for row in loaded:
         pictures, messages = row[columns["images"]], row[columns["messages"]]
-        said = "".join(message[tags["content_tag"]] for message in messages)
+        output = "".join(message[tags["content_tag"]] for message in messages)
         roles = [message[tags["role_tag"]] for message in messages]
         assert roles == [tags["user_tag"], tags["assistant_tag"]]
-        assert said.count("<image>") == len(pictures)
+        assert output.count("<image>") == len(pictures)
         assert all((out / name).is_file() for name in pictures)
 
 
@@ -166,7 +166,7 @@ def test_webdataset(dataset: Path, tmp_path: Path) -> None:
     export(dataset, tmp_path / "out", to="webdataset")
     files = sorted((tmp_path / "out").glob("*.tar"))
     assert len(files) == 4  # no file for a shard without examples
-    found: list[tuple[str, str, bytes]] = []
+    items: list[tuple[str, str, bytes]] = []
     for file in files:
         with tarfile.open(file) as tar:
             for info in tar:
@@ -179,11 +179,11 @@ def test_webdataset(dataset: Path, tmp_path: Path) -> None:
                     0o644,
                 )
                 key, _, kind = info.name.partition(".")
-                found.append((key, kind, tar.extractfile(info).read()))  # type: ignore[union-attr]
-    assert len({key for key, _, _ in found}) == len(found) // 3
+                items.append((key, kind, tar.extractfile(info).read()))  # type: ignore[union-attr]
+    assert len({key for key, _, _ in items}) == len(items) // 3
     rows = expected(dataset)
     for place, row in enumerate(rows):
-        (key, *_), *_ = group = found[3 * place : 3 * place + 3]
+        (key, *_), *_ = group = items[3 * place : 3 * place + 3]
         assert [(k, kind) for k, kind, _ in group] == [(key, "png"), (key, "json"), (key, "txt")]
         assert np.array_equal(pixels(group[0][2]), np.asarray(row["screenshot"]))
         about = json.loads(group[1][2])
@@ -268,9 +268,9 @@ def test_webdataset_opens_it(dataset: Path, tmp_path: Path) -> None:
     webdataset = pytest.importorskip("webdataset", reason="pip install webdataset")
     report = export(dataset, tmp_path / "out", to="webdataset")
     files = sorted(str(file) for file in (tmp_path / "out").glob("*.tar"))
-    found = list(webdataset.WebDataset(files, shardshuffle=False).decode("pil"))
-    assert len(found) == report.total
-    assert all(example["txt"] == example["json"]["answer"] for example in found)
+    items = list(webdataset.WebDataset(files, shardshuffle=False).decode("pil"))
+    assert len(items) == report.total
+    assert all(example["txt"] == example["json"]["answer"] for example in items)
 
 
 @pytest.mark.parametrize("to", list(FORMATS))
@@ -337,10 +337,10 @@ export(sys.argv[1], sys.argv[2], to="chat", progress=die)
 
 def test_an_export_that_was_killed_is_done_again(source: Path, tmp_path: Path) -> None:
     dataset = make(source, tmp_path / "set")
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", KILLED, str(dataset), str(tmp_path / "out")], cwd=ROOT, check=False
     )
-    assert done.returncode == -9
+    assert process.returncode == -9
     assert not (tmp_path / "out").exists()
     assert (tmp_path / ".out.exporting" / "train.jsonl").exists()
     (tmp_path / "out").mkdir()  # an empty folder is as good as none

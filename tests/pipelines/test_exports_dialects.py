@@ -131,8 +131,8 @@ def test_code_in_other_dialects_is_not_passed_on_as_pyautogui(code: str, kept: b
 def test_code_is_read_back(action: Action) -> None:
     if action.type in ("key_up",):  # two keys are two calls
         return
-    (found,) = parse_actions(action_text(row(action), "pyautogui"), "pyautogui", SIZE)
-    assert found == action
+    (value,) = parse_actions(action_text(row(action), "pyautogui"), "pyautogui", SIZE)
+    assert value == action
 
 
 @given(
@@ -150,9 +150,9 @@ def test_ui_tars_is_read_back_to_the_same_place(
     )
     given_points, found_points = (x, y, x2, y2), (drag.x, drag.y, drag.x2, drag.y2)
     assert all(abs(a - b) <= 2 for a, b in zip(given_points, found_points, strict=True))  # type: ignore[operator]
-    shown = smart_resize(*SIZE)
+    result = smart_resize(*SIZE)
     (click,) = parse_actions(
-        action_text(row(Action("click", x, y)), "ui_tars_1.5"), "ui_tars_1.5", shown
+        action_text(row(Action("click", x, y)), "ui_tars_1.5"), "ui_tars_1.5", result
     )
     back = CoordMap.model(SIZE).to_screen((click.x, click.y))  # type: ignore[arg-type]
     assert abs(back[0] - x) <= 1

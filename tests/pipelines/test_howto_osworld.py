@@ -79,16 +79,16 @@ def run(language: str, code: str, folder: Path) -> str:
         return shell([sys.executable, "-W", "error", "-c", code], folder)
     if not code.startswith("hijack"):
         return shell(["bash", "-euo", "pipefail", "-c", code], folder)
-    said = ""
+    output = ""
     for line in code.splitlines():
         words = line.split()[1:]
         if words[0] == "view":
-            said += look(words, folder)
+            output += look(words, folder)
             continue
-        done = CliRunner().invoke(hijack, words)
-        assert done.exit_code == 0, f"{line}\n{done.output}\n{done.exception!r}"
-        said += done.output
-    return said
+        result = CliRunner().invoke(hijack, words)
+        assert result.exit_code == 0, f"{line}\n{result.output}\n{result.exception!r}"
+        output += result.output
+    return output
 
 
 def look(words: list[str], folder: Path) -> str:
@@ -97,22 +97,22 @@ def look(words: list[str], folder: Path) -> str:
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
-            told = process.stdout.readline()
-            found = re.search(r"http://127\.0\.0\.1:\d+/\S*", told)
-            assert found is not None
-            with open_page(found[0]) as page:
+            message = process.stdout.readline()
+            result = re.search(r"http://127\.0\.0\.1:\d+/\S*", message)
+            assert result is not None
+            with open_page(result[0]) as page:
                 assert page.status == 200
             process.send_signal(signal.SIGINT)
             assert process.wait(60) == 0
         finally:
             process.kill()
-    return told
+    return message
 
 
 def shell(command: list[str], folder: Path) -> str:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    process = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300)
+    assert process.returncode == 0, process.stderr
+    return process.stdout
 
 
 def test_the_page_from_top_to_bottom(
@@ -126,8 +126,8 @@ def test_the_page_from_top_to_bottom(
     blocks = [(block.language, block.text) for block in blocks_of(PAGE) if block.kind == TESTED_IN]
     assert [language for language, _ in blocks] == ["sh", "sh", "sh", "sh", "sh", "py", "py"]
     clone(tmp_path)
-    said = [run(language, code, tmp_path) for language, code in blocks]
-    assert "http://127.0.0.1:" in said[2]
+    output = [run(language, code, tmp_path) for language, code in blocks]
+    assert "http://127.0.0.1:" in output[2]
 
     rows = list(open_dataset(tmp_path / "corrupted"))
     assert len({row["trajectory_id"] for row in rows}) == 2  # not the run that failed
@@ -150,17 +150,17 @@ def test_the_page_from_top_to_bottom(
     assert sum(row["corruption"] == "clean" for row in rows) == 2 * STEPS
     assert all(row["target_visible"] in (None, 1.0) for row in rows)
     assert (tmp_path / "stats.html").is_file()
-    assert "examples (chat, actions in ui_tars_1.5)" in said[4]
-    assert "verification 2" in said[4]
-    assert "torch.Size([3, 1080, 1920])" in said[5] or "torch.Size([3, 540, 960])" in said[5]
+    assert "examples (chat, actions in ui_tars_1.5)" in output[4]
+    assert "verification 2" in output[4]
+    assert "torch.Size([3, 1080, 1920])" in output[5] or "torch.Size([3, 540, 960])" in output[5]
 
 
 def test_the_names_in_the_page_are_those_of_the_reader(results: Path) -> None:
     """The layout that the page shows is the one that is tested."""
     task = RUNS[1][0]
-    shown, *_ = re.findall(r"```text\n(.*?)```", PAGE.read_text(), re.S)
+    value, *_ = re.findall(r"```text\n(.*?)```", PAGE.read_text(), re.S)
     (folder,) = results.glob(f"pyautogui/*/*/*/{task}")
-    run_line = shown.splitlines()[0]
+    run_line = value.splitlines()[0]
     assert (
         str(folder.relative_to(results.parent))
         .replace(task, "TASK_ID")
@@ -170,4 +170,4 @@ def test_the_names_in_the_page_are_those_of_the_reader(results: Path) -> None:
     names = {re.sub(r"step_\d", "step_1", path.name) for path in folder.iterdir()}
     assert all(name in run_line for name in names)
     (about,) = results.glob(f"examples/*/{task}.json")
-    assert str(about.relative_to(results.parent)).replace(task, "TASK_ID") in shown
+    assert str(about.relative_to(results.parent)).replace(task, "TASK_ID") in value

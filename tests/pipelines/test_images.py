@@ -95,14 +95,14 @@ def test_what_changes_the_size_touches_everything() -> None:
 @pytest.mark.parametrize("start", [0, 1, HEAD])
 def test_bytes_do_not_depend_on_where_in_memory_they_are_made(turn: int, start: int) -> None:
     states = [isal_zlib.compressobj(LEVEL, isal_zlib.DEFLATED, -15) for _ in range(20)]
-    one, other = (
+    value, second = (
         states[0],
         next(state for state in states if id(state) >> 17 != id(states[0]) >> 17),
     )
-    register = (id((one, other)[turn]) >> 16 & 0xFFFFFFFF).to_bytes(4, "little")
+    register = (id((value, second)[turn]) >> 16 & 0xFFFFFFFF).to_bytes(4, "little")
     data = np.frombuffer(bytes(start) + (register + b"abcd") * 100, np.uint8)
 
     def lend(state: Any) -> SimpleNamespace:
         return SimpleNamespace(**{**vars(isal_zlib), "compressobj": lambda *_: state})
 
-    assert deflate(data, lend(one)) == deflate(data, lend(other))
+    assert deflate(data, lend(value)) == deflate(data, lend(second))

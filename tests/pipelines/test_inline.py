@@ -30,10 +30,10 @@ from pipelines.errors import BuildError
     ],
 )
 def test_a_line_of_corruptions(text: str, expected: dict[str, hj.plugin.Corruption]) -> None:
-    found = parse(text)
-    assert found.planners == expected
-    assert list(found.planners) == list(expected)
-    assert not found.clean
+    result = parse(text)
+    assert result.planners == expected
+    assert list(result.planners) == list(expected)
+    assert not result.clean
 
 
 def test_the_clean_rows_are_named() -> None:

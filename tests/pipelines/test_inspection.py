@@ -28,26 +28,26 @@ def test_what_a_source_holds(
         good_line("new", 0, image="images/t0-0.png", action={"type": "wait"}, apps=["chrome"]),
     )
     (folder / "notes.json").write_text("{}")
-    found = inspect_source(folder, corruptions=small, sample=2)
-    assert found.formats == {"jsonl": [5, 13]}
-    assert (found.trajectories, found.steps) == (5, 13)
-    assert (found.sizes, found.actions) == ({"320x200": 13}, {"click": 12, "wait": 1})
-    assert (found.apps, found.screens) == ({UNKNOWN: 4, "chrome": 1}, {"desktop": 5})
-    assert (found.rejected, found.unread) == ({"(record)": 1}, ["notes.json"])
-    assert found.coordinates == {"jsonl": "pixels of the image, origin top-left"}
-    assert found.looked_at == (2, 6)
-    assert found.outlook is not None
-    assert set(found.outlook.rows.values()) == {6}
+    result = inspect_source(folder, corruptions=small, sample=2)
+    assert result.formats == {"jsonl": [5, 13]}
+    assert (result.trajectories, result.steps) == (5, 13)
+    assert (result.sizes, result.actions) == ({"320x200": 13}, {"click": 12, "wait": 1})
+    assert (result.apps, result.screens) == ({UNKNOWN: 4, "chrome": 1}, {"desktop": 5})
+    assert (result.rejected, result.unread) == ({"(record)": 1}, ["notes.json"])
+    assert result.coordinates == {"jsonl": "pixels of the image, origin top-left"}
+    assert result.looked_at == (2, 6)
+    assert result.outlook is not None
+    assert set(result.outlook.rows.values()) == {6}
     assert sorted(path.name for path in tmp_path.iterdir()) == ["source"]
 
 
 def test_the_outlook_is_that_of_the_build(
     browsing: Path, nine: Any, assets: Path, tmp_path: Path
 ) -> None:
-    found = inspect_source(browsing, corruptions=nine, assets=assets, sample=9)
+    result = inspect_source(browsing, corruptions=nine, assets=assets, sample=9)
     report = build(browsing, tmp_path / "out", corruptions=nine, assets=assets)
-    assert found.outlook is not None
-    assert (found.outlook.rows, found.outlook.not_applicable) == (
+    assert result.outlook is not None
+    assert (result.outlook.rows, result.outlook.not_applicable) == (
         report.rows,
         report.not_applicable,
     )
@@ -67,15 +67,15 @@ def test_the_outlook_follows_what_the_user_states(
     options: dict[str, Any], recording: Any, nine: Any, assets: Path, tmp_path: Path
 ) -> None:
     source = with_apps(recording(trajectories=1, steps=2), [], platform=lambda row: None)
-    found = inspect_source(source, corruptions=nine, assets=assets, **options)
+    result = inspect_source(source, corruptions=nine, assets=assets, **options)
     report = build(source, tmp_path / "out", corruptions=nine, assets=assets, **options)
-    assert found.outlook is not None
-    assert (found.outlook.rows, found.outlook.not_applicable) == (
+    assert result.outlook is not None
+    assert (result.outlook.rows, result.outlook.not_applicable) == (
         report.rows,
         report.not_applicable,
     )
-    assert found.apps == {options.get("apps", UNKNOWN): 1}
-    assert found.platforms == {options.get("platform", UNKNOWN): 1}
+    assert result.apps == {options.get("apps", UNKNOWN): 1}
+    assert result.platforms == {options.get("platform", UNKNOWN): 1}
 
 
 def test_the_outlook_follows_the_stated_coordinates_and_boxes(tmp_path: Path) -> None:
@@ -85,9 +85,9 @@ def test_the_outlook_follows_the_stated_coordinates_and_boxes(tmp_path: Path) ->
     (chat / "0.png").write_bytes(png())
     assert inspect_source(chat, corruptions="resolution").rejected
     for space, readable in (("fractions", 1), ("pixels", 0)):
-        found = inspect_source(chat, corruptions="resolution", coordinates=space)
+        result = inspect_source(chat, corruptions="resolution", coordinates=space)
         report = build(chat, tmp_path / space, corruptions="resolution", coordinates=space)
-        assert found.steps == report.rows["clean"] == readable
+        assert result.steps == report.rows["clean"] == readable
     with pytest.raises(BuildError, match="boxes 'xywh'"):
         inspect_source(chat, boxes="xywh")
     with pytest.raises(BuildError, match="did you mean 'fractions'"):
@@ -105,9 +105,9 @@ def test_a_sample_of_each_format_and_source(tmp_path: Path) -> None:
     for place, name in (("a/one", "osworld"), ("a/two", "webvoyager"), ("b", "osworld")):
         (tmp_path / place).mkdir(parents=True)
         FORMATS[name](tmp_path / place)
-    found = inspect_source([tmp_path / "a", tmp_path / "b"], corruptions="resolution", sample=1)
-    assert found.formats == {"osworld": [2, 4], "webvoyager": [1, 2]}
-    assert found.looked_at == (3, 6)
+    result = inspect_source([tmp_path / "a", tmp_path / "b"], corruptions="resolution", sample=1)
+    assert result.formats == {"osworld": [2, 4], "webvoyager": [1, 2]}
+    assert result.looked_at == (3, 6)
     assert inspect_source(tmp_path / "b", sample=0).outlook is None
 
 
@@ -121,14 +121,14 @@ def test_facts_are_those_of_the_build_over_all_rows(
         more = {"domain": domain, "platform": None, "apps": ["chrome"]}
         add_line(source, good_line(name, 0, image="images/t0-0.png", **more))
     options: dict[str, Any] = {"corruptions": "verification", "assets": assets}
-    found = inspect_source(source, sample=1, **options)
-    assert found.platforms == {"linux-xfce": 4, "android": 1, "web": 1, UNKNOWN: 1}
-    assert found.screens == {"desktop": 4, "phone": 1, "web page": 1, UNKNOWN: 1}
-    assert found.apps == {"chrome": 7}
-    assert found.looked_at == (4, 4)
-    assert found.outlook is not None
+    result = inspect_source(source, sample=1, **options)
+    assert result.platforms == {"linux-xfce": 4, "android": 1, "web": 1, UNKNOWN: 1}
+    assert result.screens == {"desktop": 4, "phone": 1, "web page": 1, UNKNOWN: 1}
+    assert result.apps == {"chrome": 7}
+    assert result.looked_at == (4, 4)
+    assert result.outlook is not None
     report = build(source, tmp_path / "out", **options)
-    assert found.outlook.not_applicable == report.not_applicable
+    assert result.outlook.not_applicable == report.not_applicable
     assert len(report.not_applicable["verification"]) == 3
 
 

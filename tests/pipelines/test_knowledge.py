@@ -50,8 +50,8 @@ def test_words_for_platforms(word: Any, platform: str | None) -> None:
 
 
 def first(name: str, folder: Path) -> Trajectory:
-    found, *_ = (item for item in get_reader(name).read(folder) if isinstance(item, Trajectory))
-    return found
+    value, *_ = (item for item in get_reader(name).read(folder) if isinstance(item, Trajectory))
+    return value
 
 
 def changed(file: Path, **more: Any) -> None:
@@ -144,9 +144,9 @@ SOURCES: list[Any] = [
 def test_what_a_source_says_is_read(
     reader: str, make: Any, apps: set[str] | None, platform: str | None, tmp_path: Path
 ) -> None:
-    found = first(reader, make(tmp_path / "source"))
-    assert found.platform == platform
-    assert apps is None or set(found.apps) == apps
+    result = first(reader, make(tmp_path / "source"))
+    assert result.platform == platform
+    assert apps is None or set(result.apps) == apps
 
 
 @pytest.mark.parametrize(("reader", "make", "apps", "platform"), SOURCES)
@@ -165,15 +165,15 @@ def test_what_a_source_says_decides(
         "clean": False,
     }
     report = build(make(tmp_path / "source"), tmp_path / "out", assets=assets, **options)
-    reasons = {label: "; ".join(found) for label, found in report.not_applicable.items()}
+    reasons = {label: "; ".join(value) for label, value in report.not_applicable.items()}
     if platform == "web":
         assert PAGE in reasons["verification"]
         assert "names no browser" not in reasons.get("network_error", "")
         return
-    said = {None: UNSAID, "linux-xfce": "was recorded on a screen of this size"}.get(
+    output = {None: UNSAID, "linux-xfce": "was recorded on a screen of this size"}.get(
         platform, f"shows {platform}"
     )
-    assert said in reasons["verification"]
+    assert output in reasons["verification"]
     if apps is not None:
         names_browser = bool(apps & {"browser", "chrome"})
         assert ("names no browser" in reasons["network_error"]) == (not names_browser)
@@ -230,13 +230,15 @@ def test_options_hold_where_the_source_does_not_say(
     desktop it is."""
     options: dict[str, Any] = {"corruptions": ",".join(FIVE), "assets": assets, "clean": False}
     plain = build(browsing, tmp_path / "plain", **options)
-    told = build(browsing, tmp_path / "told", apps="chrome,gimp", platform="windows", **options)
-    assert (told.rows, told.not_applicable) == (plain.rows, {}) == (dict.fromkeys(FIVE, 2), {})
+    message = build(browsing, tmp_path / "told", apps="chrome,gimp", platform="windows", **options)
+    assert (
+        (message.rows, message.not_applicable) == (plain.rows, {}) == (dict.fromkeys(FIVE, 2), {})
+    )
     shard = Path("data", "train-00000.parquet")
     assert (tmp_path / "plain" / shard).read_bytes() == (tmp_path / "told" / shard).read_bytes()
     with_apps(browsing, ["chrome"], platform=lambda row: "linux")
-    known = read_knowledge(browsing, platform="linux-xfce")
-    assert {item.platform for item in known.complete(get_reader("jsonl").read(browsing))} == {
+    knowledge = read_knowledge(browsing, platform="linux-xfce")
+    assert {item.platform for item in knowledge.complete(get_reader("jsonl").read(browsing))} == {
         "linux-xfce"
     }  # type: ignore[union-attr]
 
@@ -251,9 +253,9 @@ def test_apps_of_all_trajectories_are_checked_against_each(
         add_line(
             source, good_line(name, 0, image="images/t0-0.png", instruction=instruction, apps=None)
         )
-    found = inspect_source(source, apps="chrome", sample=0)
-    assert found.apps == {"chrome": 2, "not said": 1}
-    assert any("instruction names another program, such as crop" in note for note in found.notes)
+    result = inspect_source(source, apps="chrome", sample=0)
+    assert result.apps == {"chrome": 2, "not said": 1}
+    assert any("instruction names another program, such as crop" in note for note in result.notes)
     add_line(source, good_line("mail", 0, image="images/t0-0.png", apps=["Thunderbird"]))
     message = r"apps chrome: trajectory 'mail' states thunderbird; .*agenthijack\.yaml"
     with pytest.raises(BuildError, match=message):
@@ -284,8 +286,12 @@ def test_a_phone_stays_one_whatever_the_option_says(recording: Any, tmp_path: Pa
 def test_manifest_and_card_know_what_was_told(recording: Any, assets: Path, tmp_path: Path) -> None:
     source, out = without(recording(trajectories=1, steps=1)), tmp_path / "out"
     options: dict[str, Any] = {"corruptions": "multi_apps", "assets": assets}
-    told = {"apps": ["Google Chrome", "code"], "platform": "Win11", "allow_platform_mismatch": True}
-    build(source, out, **options, **told)
+    entries = {
+        "apps": ["Google Chrome", "code"],
+        "platform": "Win11",
+        "allow_platform_mismatch": True,
+    }
+    build(source, out, **options, **entries)
     parameters = parameters_in(out)
     assert parameters["recordings"] == {"apps": ["chrome", "vscode"], "platform": "windows"}
     assert parameters["allow_platform_mismatch"] is True
@@ -293,14 +299,14 @@ def test_manifest_and_card_know_what_was_told(recording: Any, assets: Path, tmp_
         "--apps chrome,vscode --platform windows --allow-platform-mismatch"
         in (out / "README.md").read_text()
     )
-    for other in (
-        {**told, "apps": "gimp"},
-        {**told, "platform": None},
-        {**told, "allow_platform_mismatch": False},
+    for second in (
+        {**entries, "apps": "gimp"},
+        {**entries, "platform": None},
+        {**entries, "allow_platform_mismatch": False},
     ):
         with pytest.raises(BuildError, match="was begun with other parameters"):
-            build(source, out, resume=True, **options, **other)
-    assert build(source, out, resume=True, **options, **told).kept == 1
+            build(source, out, resume=True, **options, **second)
+    assert build(source, out, resume=True, **options, **entries).kept == 1
     build(source, tmp_path / "plain", **options)
     assert not {"recordings", "allow_platform_mismatch"} & parameters_in(tmp_path / "plain").keys()
 
@@ -353,8 +359,8 @@ def test_a_file_in_the_source_says_it_by_trajectory(
         " xfce}\n"
     )
     items = list(read_knowledge(source, "gimp", "macos").complete(get_reader("jsonl").read(source)))
-    found = [(item.id, item.apps, item.platform) for item in items if isinstance(item, Trajectory)]
-    assert found == [
+    values = [(item.id, item.apps, item.platform) for item in items if isinstance(item, Trajectory)]
+    assert values == [
         ("t0", ("chrome",), "linux-xfce"),
         ("t1", ("vlc",), "linux-xfce"),
         ("t2", ("gimp",), "windows"),
@@ -434,7 +440,7 @@ def test_only_pixels_drawn_over_it_make_a_recorded_screen_composited(
 
     over = {"marks": hj.Marks(number=3, mark_size=6), "resolution": hj.Resolution(scale=0.5)}
     planners = {
-        f"with_{name}": hj.Sequence([other, hj.Verification()]) for name, other in over.items()
+        f"with_{name}": hj.Sequence([second, hj.Verification()]) for name, second in over.items()
     }
     build(
         browsing,
@@ -443,10 +449,10 @@ def test_only_pixels_drawn_over_it_make_a_recorded_screen_composited(
         assets=assets,
         clean=False,
     )
-    found = {
+    entries = {
         row["corruption"]: row["fidelity"] for row in open_dataset(tmp_path / "out") if row["event"]
     }
-    assert found == {
+    assert entries == {
         "with_marks": "composited",
         "with_resolution": "composited",
         "alone": "recorded",

@@ -88,11 +88,11 @@ def test_each_picture_is_stored_once(
     )  # a group must not end inside a step
     _, lazy = pair(recording(), tmp_path)
     (file,) = (lazy / "data").iterdir()
-    found = pq.ParquetFile(file, read_dictionary=[f"{BASE}.bytes"])
-    assert found.num_row_groups == 6
+    parquet_file = pq.ParquetFile(file, read_dictionary=[f"{BASE}.bytes"])
+    assert parquet_file.num_row_groups == 6
     pictures: list[bytes] = []
-    for group in range(found.num_row_groups):
-        column = found.read_row_group(group).column(BASE).combine_chunks().field("bytes")
+    for group in range(parquet_file.num_row_groups):
+        column = parquet_file.read_row_group(group).column(BASE).combine_chunks().field("bytes")
         pictures += column.dictionary.to_pylist()
     assert len(pictures) == len(set(pictures)) == 6
 
@@ -184,8 +184,8 @@ def test_an_empty_batch_and_single_rows(recording: Any, tmp_path: Path) -> None:
     names = list(rows[0])
     assert render({name: [] for name in names}) == {name: [] for name in names}
     decoded = Image.open(io.BytesIO(rows[1][BASE]["bytes"]))  # cast to Image() it comes decoded
-    for one in (render(rows[1]), render({**rows[1], BASE: decoded})):
-        assert hashlib.sha256(one["screenshot"].tobytes()).hexdigest() == rows[1]["image_sha256"]
+    for item in (render(rows[1]), render({**rows[1], BASE: decoded})):
+        assert hashlib.sha256(item["screenshot"].tobytes()).hexdigest() == rows[1]["image_sha256"]
 
 
 def edit(lazy: Path, change: Any) -> None:
@@ -320,8 +320,8 @@ def test_recipes_give_back_the_plan(
     recipe = stored_plan(plan, row)
     assert len(recipe) < 80
     assert row_plan({**row, "plan": recipe, "plan_digest": plan.digest()}, plan.size) == plan
-    other = stored_plan(plan, {**row, "seed": seed ^ 1})
-    assert hj.Plan.from_json(other) == plan if other != recipe else not hasattr(spec, "number")
+    second = stored_plan(plan, {**row, "seed": seed ^ 1})
+    assert hj.Plan.from_json(second) == plan if second != recipe else not hasattr(spec, "number")
 
 
 def test_the_command(recording: Any, config: Path, tmp_path: Path) -> None:

@@ -25,10 +25,12 @@ def run(*words: Any, code: int = 0) -> str:
     """Run the command; what it says on standard error."""
     env = {key: value for key, value in os.environ.items() if key != loading.VARIABLE}
     command = [*COMMAND, *map(str, words)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=env, timeout=300)
-    assert done.returncode == code, (done.returncode, done.stdout, done.stderr)
-    assert "Traceback" not in done.stderr
-    return done.stderr
+    process = subprocess.run(
+        command, capture_output=True, text=True, cwd=ROOT, env=env, timeout=300
+    )
+    assert process.returncode == code, (process.returncode, process.stdout, process.stderr)
+    assert "Traceback" not in process.stderr
+    return process.stderr
 
 
 def shards(folder: Path) -> dict[str, bytes]:
@@ -67,16 +69,16 @@ def test_the_command_asks_for_the_file(recording: Any, tmp_path: Path, how: str)
     assert "hijack --load mine.py verify ." in card
 
     (tmp_path / "other").mkdir()
-    other = write(tmp_path / "other", "mine", code="x = 5")
+    second = write(tmp_path / "other", "mine", code="x = 5")
     renamed = tmp_path / "other" / "renamed.py"
     renamed.write_bytes(file.read_bytes())
     for words in (("verify", out), (*make, "--resume")):
-        said = run(*words, code=2)
-        assert f"built with mine.py, SHA-256 {sha256} (bar)" in said
-        assert "load that file: hijack --load mine.py" in said
-        said = run("--load", other, *words, code=2)
-        assert f"{other} is another file, SHA-256 " in said
-        assert "hijack --load mine.py" in said
+        output = run(*words, code=2)
+        assert f"built with mine.py, SHA-256 {sha256} (bar)" in output
+        assert "load that file: hijack --load mine.py" in output
+        output = run("--load", second, *words, code=2)
+        assert f"{second} is another file, SHA-256 " in output
+        assert "hijack --load mine.py" in output
         run("--load", file, *words)
     run("--load", renamed, "verify", out)
 
@@ -98,12 +100,12 @@ def test_files_in_use_are_recorded(recording: Any, tmp_path: Path, fresh: Any, s
     loading.load_file(write(tmp_path, "one", name='name: ClassVar[str] = "one"'))
     loading.load_file(write(tmp_path, "two", name='name: ClassVar[str] = "two"'))
     source = recording()
-    made: dict[str, Any] = {
+    entries: dict[str, Any] = {
         "none": small["marks"],
         "one": hj.OneOf([hj.Sequence([small["marks"], hj.make_corruption("one")])]),
         "two": hj.Schedule(lambda epoch: hj.make_corruption("two")),
     }
-    for name, planner in made.items():
+    for name, planner in entries.items():
         build(source, tmp_path / name, corruptions={"x": planner})
         recorded = json.loads((tmp_path / name / "manifest.json").read_text())["parameters"]
         named = [entry["file"] for entry in recorded.get("loaded", [])]
@@ -148,13 +150,13 @@ def test_a_corruption_that_raises_is_named_and_the_others_are_built(
     recording: Any, tmp_path: Path, fresh: Any, small: Any
 ) -> None:
     loading.load_file(write(tmp_path, code="1 // 0"))
-    made = build(
+    result = build(
         recording(),
         tmp_path / "out",
         corruptions={"x": hj.make_corruption("bar"), "m": small["marks"]},
     )
-    assert dict(made.rows) == {"clean": 6, "x": 0, "m": 6}
-    ((reason, count),) = made.not_applicable["x"].items()
+    assert dict(result.rows) == {"clean": 6, "x": 0, "m": 6}
+    ((reason, count),) = result.not_applicable["x"].items()
     assert reason.startswith("bar-vN: make_plan raised ZeroDivisionError")
     assert count == 6
 
@@ -199,8 +201,8 @@ def test_a_cluster_that_is_there_knows_it(recording: Any, tmp_path: Path, fresh:
     pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
     file, source = write(tmp_path), recording(trajectories=3, steps=2)
     command = [sys.executable, "-c", RAY, str(file), str(source), str(tmp_path / "ray")]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=300)
-    assert done.stdout.strip().endswith("{'clean': 6, 'bar': 6}"), done.stderr
+    process = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=300)
+    assert process.stdout.strip().endswith("{'clean': 6, 'bar': 6}"), process.stderr
     loading.load_file(file)
     build(source, tmp_path / "local", corruptions="bar", rows_per_shard=1)
     assert len(shards(tmp_path / "local")) == 3

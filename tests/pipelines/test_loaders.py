@@ -99,12 +99,12 @@ def test_grain(dataset: Path) -> None:
     assert repr(source) == repr(pickle.loads(pickle.dumps(source)))
     assert "'out', rows=39" in repr(source)
     shuffled = grain.MapDataset.source(source).shuffle(seed=3)
-    seen = {}
+    entries = {}
     for row in shuffled.to_iter_dataset(grain.ReadOptions(num_threads=4, prefetch_buffer_size=8)):
         assert row["screenshot"].dtype == np.uint8
-        seen[row["id"]] = row["screenshot"]
-    assert len(seen) == 39
-    assert all(np.array_equal(seen[row["id"]], np.asarray(row["screenshot"])) for row in rows)
+        entries[row["id"]] = row["screenshot"]
+    assert len(entries) == 39
+    assert all(np.array_equal(entries[row["id"]], np.asarray(row["screenshot"])) for row in rows)
 
 
 def test_the_name_of_grain_data_follows_its_content(recording: Any, tmp_path: Path) -> None:
@@ -149,17 +149,17 @@ def test_caches_are_bounded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> N
 def test_threads_share_a_dataset(dataset: Path) -> None:
     rows = open_dataset(dataset)
     names = [row["id"] for row in rows]
-    found: list[str] = []
+    items: list[str] = []
 
     def work(start: int) -> None:
-        found.extend(f"{i} {rows[i]['id']}" for i in range(start, 39, 4))
+        items.extend(f"{i} {rows[i]['id']}" for i in range(start, 39, 4))
 
     threads = [threading.Thread(target=work, args=(start,)) for start in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert sorted(found) == sorted(f"{i} {name}" for i, name in enumerate(names))
+    assert sorted(items) == sorted(f"{i} {name}" for i, name in enumerate(names))
 
 
 @pytest.mark.filterwarnings("ignore:This process")
@@ -168,13 +168,13 @@ def test_a_lock_that_was_held_at_a_fork(dataset: Path) -> None:
     rows = open_dataset(dataset)
     rows[0]
     context = multiprocessing.get_context("fork")
-    found = context.SimpleQueue()
-    child = context.Process(target=lambda: found.put(rows[0]["id"]), daemon=True)
+    simple_queue = context.SimpleQueue()
+    child = context.Process(target=lambda: simple_queue.put(rows[0]["id"]), daemon=True)
     with rows.reader._lock:
         child.start()
         child.join(20)
     assert child.exitcode == 0
-    assert found.get() == "t0/0000/clean"
+    assert simple_queue.get() == "t0/0000/clean"
 
 
 def test_files_with_fewer_rows_than_the_manifest_says(dataset: Path) -> None:

@@ -45,15 +45,20 @@ def test_an_object_and_keywords(recording: Any, tmp_path: Path) -> None:
     options = BuildOptions(corruptions="clean", seed=3, limit=1)
     build(recording(), tmp_path / "one", options)
     build(tmp_path / "source", tmp_path / "two", options, limit=2)
-    one, two = open_dataset(tmp_path / "one"), open_dataset(tmp_path / "two")
-    assert (len(one), len(two)) == (3, 6)
-    assert {row["seed"] for row in one} == {3}
+    dataset, two = open_dataset(tmp_path / "one"), open_dataset(tmp_path / "two")
+    assert (len(dataset), len(two)) == (3, 6)
+    assert {row["seed"] for row in dataset} == {3}
 
 
 def test_resolved_options_come_from_the_caller_then_the_configuration() -> None:
     config = {"corruptions": ["marks"], "seed": 5, "clean": False, "output": "lazy"}
-    found = BuildOptions(config=config, seed=7).resolved()
-    assert (found.seed, found.clean, found.output, found.label_policy) == (7, False, "lazy", "keep")
+    result = BuildOptions(config=config, seed=7).resolved()
+    assert (result.seed, result.clean, result.output, result.label_policy) == (
+        7,
+        False,
+        "lazy",
+        "keep",
+    )
     assert BuildOptions(config=config, corruptions="clean").resolved().clean is True
     with pytest.raises(BuildError, match="--no-clean"):
         BuildOptions(corruptions="clean", clean=False).resolved()
@@ -82,10 +87,10 @@ def test_progress_reads_a_small_source_once(
         recording(),
         tmp_path / "out",
         corruptions="clean",
-        progress=lambda done, total, _: calls.append((done, total)),
+        progress=lambda item, total, _: calls.append((item, total)),
     )
     assert len(opened) == times
-    assert calls == [(done, 6) for done in range(1, 7)]
+    assert calls == [(item, 6) for item in range(1, 7)]
     opened.clear()
     build(tmp_path / "source", tmp_path / "quiet", corruptions="clean")
     assert len(opened) == 1

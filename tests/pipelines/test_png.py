@@ -74,10 +74,10 @@ def test_every_filter_is_undone_as_pillow_does(
     data = png_file(
         width, height, filtered(width, height, png_decoder.CHANNELS[colour], seed, kinds), colour
     )
-    found = png_decoder.decode_png(data, isal_zlib)
-    assert found is not None
-    assert np.array_equal(found, pillow(data))
-    assert found.flags.writeable
+    png = png_decoder.decode_png(data, isal_zlib)
+    assert png is not None
+    assert np.array_equal(png, pillow(data))
+    assert png.flags.writeable
 
 
 def test_the_kernel_is_the_function_that_was_compiled() -> None:
@@ -96,26 +96,26 @@ def test_the_first_pictures_are_left_to_pillow_until_numba_has_paid_for_itself(
     monkeypatch.setattr(
         jit._state, "forgone", jit.NUMBA_LOADING_MS - 2.5 * png_decoder.SAVED_MS_PER_PIXEL * 30 * 20
     )
-    found = [png_decoder.decode_png(data, isal_zlib) is not None for _ in range(5)]
-    assert found == [False, False, False, True, True]
+    values = [png_decoder.decode_png(data, isal_zlib) is not None for _ in range(5)]
+    assert values == [False, False, False, True, True]
     assert np.array_equal(decode(data, "x"), pillow(data))
 
 
 def test_what_needs_no_compiled_reader_waits_for_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jit._state, "forgone", 0.0)
     data = png_file(30, 20, filtered(30, 20, 3, 0, [2]))
-    found = png_decoder.decode_png(data, isal_zlib)
-    assert found is not None
-    assert np.array_equal(found, pillow(data))
+    png = png_decoder.decode_png(data, isal_zlib)
+    assert png is not None
+    assert np.array_equal(png, pillow(data))
 
 
 def test_real_screenshots(shared_data: Path) -> None:
     read = 0
     for file in sorted((shared_data / "screenshots").glob("*.png"))[::7]:
         data = file.read_bytes()
-        found = png_decoder.decode_png(data, isal_zlib)
+        png = png_decoder.decode_png(data, isal_zlib)
         assert np.array_equal(decode(data, "x"), decode_image(data, "x")[0]), file.name
-        read += found is not None
+        read += png is not None
     assert read >= 8
 
 
@@ -148,8 +148,8 @@ def test_what_is_not_for_this_reader(data: bytes) -> None:
 def test_a_changed_byte_never_gives_another_picture(at: int, change: int) -> None:
     damaged = bytearray(GOOD)
     damaged[at] ^= change
-    found = png_decoder.decode_png(bytes(damaged), isal_zlib)
-    assert found is None or np.array_equal(found, pillow(GOOD))
+    png = png_decoder.decode_png(bytes(damaged), isal_zlib)
+    assert png is None or np.array_equal(png, pillow(GOOD))
 
 
 def orientation_chunks() -> dict[str, bytes]:

@@ -45,13 +45,14 @@ NO_PICTURE = {"type": "base64", "data": "aGk="}
 
 @pytest.mark.parametrize("shape", ["lines", "list", "body"])
 def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
-    given = messages(tmp_path)
+    options = messages(tmp_path)
     (tmp_path / "run.json").unlink()
     if shape == "lines":
-        write_lines(tmp_path / "a.jsonl", given)
+        write_lines(tmp_path / "a.jsonl", options)
     else:
         write_json(
-            tmp_path / "a.json", given if shape == "list" else {"system": "x", "messages": given}
+            tmp_path / "a.json",
+            options if shape == "list" else {"system": "x", "messages": options},
         )
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -66,14 +67,14 @@ def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
 def test_the_member_tools_of_the_toolset(tmp_path: Path) -> None:
     click = {**use("b", {"coordinate": [7, 8]}, toolset_name="computer"), "name": "right_click"}
     look = {**use("a", {}, toolset_name="computer"), "name": "screenshot"}
-    other = {"type": "tool_use", "id": "c", "name": "bash", "input": {"command": "ls"}}
-    given = [
+    entries = {"type": "tool_use", "id": "c", "name": "bash", "input": {"command": "ls"}}
+    options = [
         {"role": "user", "content": [{"type": "text", "text": "go"}]},
         {"role": "assistant", "content": [{"type": "thinking", "thinking": "..."}, look]},
         result("a", image(0)),
-        {"role": "assistant", "content": [other, click]},
+        {"role": "assistant", "content": [entries, click]},
     ]
-    write_json(tmp_path / "a.json", given)
+    write_json(tmp_path / "a.json", options)
     assert detect_format(tmp_path) == "anthropic"
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -85,7 +86,7 @@ def test_the_member_tools_of_the_toolset(tmp_path: Path) -> None:
 
 
 def test_what_zoom_returns_is_not_a_screen(tmp_path: Path) -> None:
-    given = [
+    options = [
         {"role": "user", "content": [{"type": "text", "text": "go"}, image(0)]},
         {"role": "assistant", "content": [use("z", {"action": "zoom", "region": [0, 0, 40, 20]})]},
         result("z", image(9)),
@@ -94,7 +95,7 @@ def test_what_zoom_returns_is_not_a_screen(tmp_path: Path) -> None:
             "content": [use("b", {"action": "left_click", "coordinate": [1, 2]})],
         },
     ]
-    write_json(tmp_path / "a.json", given)
+    write_json(tmp_path / "a.json", options)
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
     assert [read_picture(s.image, "") for s in trajectory] == [png(0)]
@@ -105,8 +106,8 @@ def test_a_turn_with_several_actions(tmp_path: Path) -> None:
         use("1", {"action": "left_click", "coordinate": [1, 2]}),
         use("2", {"action": "type", "text": "a"}),
     ]
-    given = [{"role": "user", "content": [{"type": "text", "text": "go"}, image(0)]}]
-    write_json(tmp_path / "a.json", [*given, {"role": "assistant", "content": several}])
+    options = [{"role": "user", "content": [{"type": "text", "text": "go"}, image(0)]}]
+    write_json(tmp_path / "a.json", [*options, {"role": "assistant", "content": several}])
     (trajectory,), (rejected,) = read(tmp_path)
     assert [s.action.type for s in trajectory] == ["click"]
     assert (rejected.where, rejected.field) == ("entry 1", "screenshot")
@@ -139,11 +140,11 @@ def test_a_turn_with_several_actions(tmp_path: Path) -> None:
 def test_what_is_broken_is_counted(
     number: int, message: Any, fields: list[str], reason: str, tmp_path: Path
 ) -> None:
-    given = messages(tmp_path)
-    given[number] = (
+    options = messages(tmp_path)
+    options[number] = (
         message if number == 4 else {"role": "assistant", "content": [use("b", message)]}
     )
-    write_json(tmp_path / "run.json", {"messages": given})
+    write_json(tmp_path / "run.json", {"messages": options})
     (trajectory,), rejected = read(tmp_path)
     assert [(r.file, r.field) for r in rejected] == [("run.json", field) for field in fields]
     assert rejected[0].where == f"messages {number}"

@@ -159,19 +159,19 @@ def test_the_beginning_of_a_file_is_read_once_for_all_readers(
 def test_only_readers_whose_keys_a_file_has_are_asked_about_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[str] = []
+    requests: list[str] = []
     for name in names():
         cls: Any = type(get_reader(name))
         if issubclass(cls, FileReader):
 
             def recognizes(self: Any, head: Any, of: Any = cls.recognizes) -> bool:
-                asked.append(self.name)
+                requests.append(self.name)
                 return of(self, head)
 
             monkeypatch.setattr(cls, "recognizes", recognizes)
     (tmp_path / "any.jsonl").write_text(PLAIN)
     assert detect_format(tmp_path) == "jsonl"
-    assert asked == ["jsonl"]
+    assert requests == ["jsonl"]
 
 
 def test_a_registered_reader_may_be_recognized_by_the_first_records(
@@ -227,7 +227,7 @@ def test_importing_pipelines_loads_nothing_heavy() -> None:
     )
     heavy = ["datasets", "torch", "jax", "pyarrow", "cv2", "pandas", "isal"]
     root = Path(__file__).resolve().parents[2]
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", code, *heavy], cwd=root, capture_output=True, text=True, check=True
     )
-    assert done.stdout.split() == []
+    assert process.stdout.split() == []

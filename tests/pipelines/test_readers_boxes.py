@@ -53,8 +53,8 @@ def test_one_row_decides_for_all(order: str, scale: str, tmp_path: Path) -> None
 
 def test_where_no_row_decides_the_user_does(tmp_path: Path) -> None:
     write(tmp_path / "source" / "a.parquet", [PLAIN], "xywh")
-    found, (rejected,) = read(tmp_path / "source")
-    assert not found
+    value, (rejected,) = read(tmp_path / "source")
+    assert not value
     assert (rejected.where, rejected.field) == ("", "bbox")
     assert "--boxes" in rejected.reason
     assert read(tmp_path / "source", boxes="xywh") == ([PLAIN], [])
@@ -71,16 +71,16 @@ def test_rows_that_disagree_refuse_the_table(tmp_path: Path) -> None:
         {"image": picture, "instruction": "b", "bbox": only},
     ]
     write_table(tmp_path / "a.parquet", rows)
-    found, (rejected,) = read(tmp_path)
-    assert not found
+    value, (rejected,) = read(tmp_path)
+    assert not value
     assert "disagree" in rejected.reason
     assert read(tmp_path, boxes="xywh")[0] == [(380, 5, 390, 15)]
 
 
 def test_a_broken_row_says_nothing(tmp_path: Path) -> None:
     write(tmp_path / "a.parquet", [FAR, (10, 10, 900, 20), PLAIN], "xyxy")
-    found, (rejected,) = read(tmp_path)
-    assert found == [FAR, PLAIN]
+    value, (rejected,) = read(tmp_path)
+    assert value == [FAR, PLAIN]
     assert (rejected.where, "leaves the 400x200" in rejected.reason) == ("row 1", True)
 
 
@@ -115,12 +115,12 @@ def test_what_is_no_box(bad: Any) -> None:
 
 
 def test_pictures_are_looked_at_only_as_far_as_it_matters() -> None:
-    asked: list[int] = []
+    requests: list[int] = []
 
     def size(index: int) -> Any:
-        asked.append(index)
+        requests.append(index)
         return (200, 400)
 
     boxes = [list(PLAIN), list(FAR), *[list(PLAIN)] * 100]
     assert detect_form(boxes, size, ReaderOptions()) == ("pixels", "xyxy")
-    assert asked == [0, 1]
+    assert requests == [0, 1]

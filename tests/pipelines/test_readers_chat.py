@@ -97,9 +97,9 @@ def test_pictures_as_data_urls_and_from_the_source(tmp_path: Path) -> None:
     write_lines(
         tmp_path / "deep" / "a.jsonl", [openai_row(CODES[:1], [link]), openai_row(CODES[:1], names)]
     )
-    found, rejected = read(tmp_path)
+    value, rejected = read(tmp_path)
     assert not rejected
-    assert [read_picture(t.steps[0].image, "") for t in found] == [png(7), png(0)]
+    assert [read_picture(t.steps[0].image, "") for t in value] == [png(7), png(0)]
 
 
 @pytest.mark.parametrize(
@@ -135,8 +135,8 @@ def test_pictures_that_are_not_there(name: Any, reason: str, tmp_path: Path) -> 
 def test_a_bad_line_never_loses_the_rest(line: str, tmp_path: Path) -> None:
     good = json.dumps(openai_row(CODES[:1], files(tmp_path)))
     (tmp_path / "a.jsonl").write_text(f"{good}\n{line}\n{good}\n")
-    found, rejected = read(tmp_path)
-    assert [t.id for t in found] == ["a/000000", "a/000002"]
+    value, rejected = read(tmp_path)
+    assert [t.id for t in value] == ["a/000000", "a/000002"]
     assert {r.where for r in rejected} == {"line 2"}
 
 
@@ -145,8 +145,8 @@ def test_a_reply_that_is_no_action_is_no_step(tmp_path: Path) -> None:
         ["It is a button: you could use pyautogui.click to press it."], files(tmp_path)
     )
     write_lines(tmp_path / "a.jsonl", [row])
-    found, (rejected,) = read(tmp_path)
-    assert not found
+    value, (rejected,) = read(tmp_path)
+    assert not value
     assert "hold no action" in rejected.reason
 
 
@@ -167,14 +167,14 @@ def test_aguvis_has_thoughts_and_actions_in_one_turn_each(tmp_path: Path) -> Non
         },
     ]
     write_json(tmp_path / "stage2.json", [{"image": names[0], "conversations": turns}])
-    found, (rejected,) = read(tmp_path)
-    assert not found
+    value, (rejected,) = read(tmp_path)
+    assert not value
     assert "--coordinates" in rejected.reason
-    (found,), rejected = read(tmp_path, coordinates="fractions")
+    (value,), rejected = read(tmp_path, coordinates="fractions")
     assert not rejected
-    assert found.instruction == "buy it"
-    assert [s.action for s in found] == [Action("click", 100, 50)]
-    assert found.steps[0].action_code == "pyautogui.click(x=100, y=50)"
+    assert value.instruction == "buy it"
+    assert [s.action for s in value] == [Action("click", 100, 50)]
+    assert value.steps[0].action_code == "pyautogui.click(x=100, y=50)"
 
 
 @pytest.mark.parametrize(
@@ -287,9 +287,9 @@ def uitars(x: int, y: int) -> str:
 @pytest.mark.parametrize("where", ["parquet", "json"])
 def test_text_of_models_needs_its_space(reply: Any, size: Any, where: str, tmp_path: Path) -> None:
     width, height = size
-    seen = smart_resize(height, width)
+    calls = smart_resize(height, width)
     points = {
-        "resized": (seen[1] // 4, seen[0] // 4),
+        "resized": (calls[1] // 4, calls[0] // 4),
         "thousand": (250, 250),
         "pixels": (width // 4, height // 4),
     }
@@ -301,13 +301,13 @@ def test_text_of_models_needs_its_space(reply: Any, size: Any, where: str, tmp_p
         else:
             write_lines(tmp_path / "a.jsonl", [row])
         name = "parquet" if where == "parquet" else "chat"
-        found, (rejected,) = read(tmp_path, name)
-        assert not found
+        value, (rejected,) = read(tmp_path, name)
+        assert not value
         assert "nothing says what its coordinates count" in rejected.reason
-        (found,), rejected = read(tmp_path, name, coordinates=space)
+        (value,), rejected = read(tmp_path, name, coordinates=space)
         assert not rejected
-        assert found.steps[0].action == Action("click", width // 4, height // 4)
-        assert ("pyautogui" in found.steps[0].action_code) == (space == "pixels")
+        assert value.steps[0].action == Action("click", width // 4, height // 4)
+        assert ("pyautogui" in value.steps[0].action_code) == (space == "pixels")
 
 
 @pytest.mark.parametrize(
@@ -329,10 +329,10 @@ def test_a_prompt_that_states_the_resolution_says_the_space(
 
 
 def test_structured_calls_of_qwen_are_text(tmp_path: Path) -> None:
-    given = {"action": "left_click", "coordinate": [250, 250]}
+    entries = {"action": "left_click", "coordinate": [250, 250]}
     call = {
         "type": "function",
-        "function": {"name": "computer_use", "arguments": json.dumps(given)},
+        "function": {"name": "computer_use", "arguments": json.dumps(entries)},
     }
     row = openai_row([""], files(tmp_path))
     row["messages"][1]["tool_calls"] = [call]
@@ -374,11 +374,11 @@ def test_our_own_export_comes_back(recording: Any, dialect: str, tmp_path: Path)
     )
     export(tmp_path / "set", tmp_path / "chat", to="chat", dialect=dialect)
     assert detect_format(tmp_path / "chat") == "chat"
-    found, rejected = read(tmp_path / "chat")
+    value, rejected = read(tmp_path / "chat")
     clean = [row for row in open_dataset(tmp_path / "set") if row["corruption"] == "clean"]
-    assert len(found) == len(clean) == 4
+    assert len(value) == len(clean) == 4
     assert {r.field for r in rejected} == {"corruption"}
-    for trajectory, row in zip(found, clean, strict=True):
+    for trajectory, row in zip(value, clean, strict=True):
         (step,) = trajectory.steps
         assert (trajectory.id, trajectory.instruction, trajectory.domain) == (
             row["id"],
@@ -408,7 +408,7 @@ def test_an_id_is_that_of_its_file(tmp_path: Path) -> None:
     for name in ("a", "sub/b"):
         write_lines(tmp_path / f"{name}.jsonl", [{**row, "id": 0}, {**row, "id": 1}])
     write_lines(tmp_path / "c.jsonl", [{**row, "id": "b/1"}, {**row, "id": 7}, {**row, "id": 7}])
-    found, (rejected,) = read(tmp_path)
-    assert [item.id for item in found] == ["0", "1", "b/1", "7", "sub/b/0", "sub/b/1"]
+    value, (rejected,) = read(tmp_path)
+    assert [item.id for item in value] == ["0", "1", "b/1", "7", "sub/b/0", "sub/b/1"]
     assert (rejected.file, rejected.field) == ("c.jsonl", "id")
     assert "'7' is the id of an earlier row of this file; number them anew" in rejected.reason

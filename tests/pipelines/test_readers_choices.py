@@ -46,13 +46,13 @@ POINTS = {
 @pytest.mark.parametrize("dialect", sorted(SAID))
 @pytest.mark.parametrize("space", COORDINATES)
 def test_a_choice_reads_every_text_in_every_space(dialect: str, space: str) -> None:
-    found = read_recorded(SAID[dialect].format(*POINTS[space]), dialect, SIZE, "f", space, None)
-    assert found.action == Action("click", 100, 50)
-    assert (found.dialect == "pyautogui") == (
+    recorded = read_recorded(SAID[dialect].format(*POINTS[space]), dialect, SIZE, "f", space, None)
+    assert recorded.action == Action("click", 100, 50)
+    assert (recorded.dialect == "pyautogui") == (
         dialect == "pyautogui" or space in ("pixels", "fractions")
     )
-    if found.dialect == "pyautogui":
-        assert found.code == "pyautogui.click(100, 50)"
+    if recorded.dialect == "pyautogui":
+        assert recorded.code == "pyautogui.click(100, 50)"
 
 
 @pytest.mark.parametrize("dialect", sorted(SAID))
@@ -82,8 +82,8 @@ def test_points_out_of_the_space_are_refused(dialect: str, space: str, point: An
 
 
 def test_what_points_nowhere_needs_no_choice() -> None:
-    found = read_recorded("Action: type(content='a')", "ui_tars", SIZE, "f", None, None)
-    assert found.action == Action("type", text="a")
+    recorded = read_recorded("Action: type(content='a')", "ui_tars", SIZE, "f", None, None)
+    assert recorded.action == Action("type", text="a")
     with pytest.raises(FieldError, match=r"nothing says .*pixels or thousand or resized"):
         read_recorded(SAID["ui_tars"].format(100, 50), "ui_tars", SIZE, "f", None, None)
 
@@ -98,10 +98,10 @@ def test_our_own_format_refuses_fractions(
     line = json.loads(file.read_text())
     line["action"].update(dict(zip(names, point, strict=True)))
     file.write_text(json.dumps(line) + "\n")
-    (found,) = get_reader("jsonl").read(folder)
-    assert isinstance(found, Rejected)
-    assert found.field == f"action.{names[0]}"
-    assert "fractions" in found.reason
+    (value,) = get_reader("jsonl").read(folder)
+    assert isinstance(value, Rejected)
+    assert value.field == f"action.{names[0]}"
+    assert "fractions" in value.reason
 
 
 def test_screenagent_refuses_fractions(tmp_path: Path) -> None:
@@ -142,8 +142,8 @@ def test_the_command_takes_the_choice_and_resume_knows_it(tmp_path: Path) -> Non
     write_lines(tmp_path / "source" / "a.jsonl", [{"messages": messages, "images": ["0.png"]}])
     out = tmp_path / "out"
     command = ["build", str(tmp_path / "source"), "--out", str(out), "--corruptions", "resolution"]
-    said = CliRunner().invoke(hijack, [*command, "--coordinates", "fractions"])
-    assert said.exit_code == 0, said.output
+    output = CliRunner().invoke(hijack, [*command, "--coordinates", "fractions"])
+    assert output.exit_code == 0, output.output
     assert read_manifest(out)["parameters"]["coordinates"] == "fractions"
     row = next(row for row in open_dataset(out) if row["corruption"] == "clean")
     assert (row["action"]["x"], row["action"]["y"]) == (100, 50)

@@ -32,14 +32,14 @@ HALF = CoordMap((100, 200), SIZE)
 
 def observed(code: Any, dialect: str, coords: CoordMap = HALF) -> Any:
     text = raw_action_text(code, "action")
-    made = observed_code(coords, RecordedStep(0, "", Action("other"), text, dialect=dialect))
+    result = observed_code(coords, RecordedStep(0, "", Action("other"), text, dialect=dialect))
     assert (
         observed_code(
             CoordMap.identity(SIZE), RecordedStep(0, "", Action("other"), text, dialect=dialect)
         )
         == text
     )
-    return made if isinstance(code, str) else json.loads(made)
+    return result if isinstance(code, str) else json.loads(result)
 
 
 @pytest.mark.parametrize(
@@ -104,13 +104,13 @@ def test_a_plain_step_is_pyautogui() -> None:
 
 @given(st.integers(0, 399), st.integers(0, 199))
 def test_action_and_code_stay_together(x: int, y: int) -> None:
-    made: dict[str, Any] = {
+    entries: dict[str, Any] = {
         "computer_13": {"action_type": "CLICK", "x": x, "y": y},
         "openai": {"type": "click", "x": x, "y": y},
         "anthropic": {"action": "left_click", "coordinate": [x, y]},
         "pyautogui": f"pyautogui.click({x}, {y})",
     }
-    for dialect, raw in made.items():
+    for dialect, raw in entries.items():
         action = first_action(raw, dialect, SIZE, "action")
         assert action == Action("click", x, y)
         after = observed(raw, dialect)
@@ -122,7 +122,7 @@ def test_action_and_code_stay_together(x: int, y: int) -> None:
 @pytest.mark.parametrize("point", [(400, 0), (0, 200), (-1, 0), (0, -1), (10**9, 10**9)])
 def test_points_outside_are_refused_in_every_dialect(point: tuple[int, int]) -> None:
     x, y = point
-    made: dict[str, Any] = {
+    entries: dict[str, Any] = {
         "computer_13": {"action_type": "CLICK", "x": x, "y": y},
         "openai": {"type": "drag", "path": [{"x": 0, "y": 0}, {"x": x, "y": y}]},
         "anthropic": {
@@ -132,7 +132,7 @@ def test_points_outside_are_refused_in_every_dialect(point: tuple[int, int]) -> 
         },
         "pyautogui": f"pyautogui.dragTo({x}, {y})",
     }
-    for dialect, raw in made.items():
+    for dialect, raw in entries.items():
         with pytest.raises(FieldError, match="outside the 400x200"):
             first_action(raw, dialect, SIZE, "action")
 

@@ -128,8 +128,8 @@ def test_steps_of_an_agent_of_cua_bench(tmp_path: Path) -> None:
 )
 def test_actions_are_never_run(said: Any, tmp_path: Path) -> None:
     trace(tmp_path / "t", [RESET, ("step:before", {"action": said}, [1])])
-    found, (rejected,) = read(tmp_path)
-    assert not found
+    value, (rejected,) = read(tmp_path)
+    assert not value
     assert rejected.field == "data_json.action"
 
 
@@ -155,8 +155,8 @@ def test_a_damaged_arrow_file_is_rejected(tmp_path: Path) -> None:
         whole[:600] + b"\xff" * 64 + whole[664:],
     ):
         file.write_bytes(content)
-        found, rejected = read(tmp_path)
-        assert rejected or found
+        value, rejected = read(tmp_path)
+        assert rejected or value
 
 
 def test_tess_agentnet(tmp_path: Path) -> None:

@@ -43,14 +43,14 @@ def source(tmp_path: Path) -> Path:
 def test_every_reader_has_a_recording_here() -> None:
     # Pictures are no recording, published sets are read by name only, and a LeRobot set is more
     # than its files: they have own tests.
-    others = ["images", "lerobot", "screenspot_v2", "screenspot_pro", "osworld_g"]
-    assert sorted([*EVERY, *others]) == names()
+    remaining = ["images", "lerobot", "screenspot_v2", "screenspot_pro", "osworld_g"]
+    assert sorted([*EVERY, *remaining]) == names()
 
 
 @pytest.mark.parametrize("name", sorted(EVERY))
 def test_only_its_own_reader_detects_a_format(name: str, source: Path) -> None:
     EVERY[name](source)
-    assert [other for other in names() if get_reader(other).detect(source)] == [name]
+    assert [second for second in names() if get_reader(second).detect(source)] == [name]
     assert detect_format(source) == name
 
 
@@ -61,12 +61,12 @@ def test_a_recording_is_told_by_its_file_alone(name: str, source: Path) -> None:
     # parts of a recording
     files = [file for file in files if not file.parent.name.startswith("turn_")]
     beside = ("episode.json", "task.json")  # say what an episode is, not what was done
-    found = {
+    values = {
         detect_format(file)
         for file in files
         if "examples" not in file.parts and file.name not in beside
     }
-    assert found == {name}
+    assert values == {name}
 
 
 @pytest.mark.parametrize(("one", "other"), list(combinations(sorted(EVERY), 2)))
@@ -244,7 +244,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         if isinstance(value, list)
         else ()
     )
-    return [path, *(place for key, one in inner for place in places(one, (*path, key)))]
+    return [path, *(place for key, item in inner for place in places(item, (*path, key)))]
 
 
 def replaced(value: Any, path: tuple[Any, ...], new: Any) -> Any:
@@ -290,7 +290,7 @@ def test_half_of_a_surrogate_pair_in_place_of_messages_is_rejected(tmp_path: Pat
     file.write_text(json.dumps({**record, "messages": "\ud800"}) + "\n")
     trajectories, rejected = read("chat", source)
     assert not trajectories
-    assert [(one.field, one.reason) for one in rejected] == [
+    assert [(item.field, item.reason) for item in rejected] == [
         ("messages", "holds half of a surrogate pair, which is not text")
     ]
 

@@ -85,13 +85,13 @@ def test_published_layouts(layout: Any, suffix: str, count: int, tmp_path: Path)
     rows = [layout(f"{i}.png", box, f"text {i}") for i, box in enumerate(CORNERS[:count])]
     make(tmp_path, rows, suffix)
     assert detect_format(tmp_path) == detect_format(tmp_path / f"set.{suffix}") == "grounding"
-    found, rejected = read(tmp_path)
+    value, rejected = read(tmp_path)
     assert not rejected
-    assert [t.steps[0].target_box for t in found] == CORNERS[:count]
+    assert [t.steps[0].target_box for t in value] == CORNERS[:count]
     middles = [((x1 + x2) // 2, (y1 + y2) // 2) for x1, y1, x2, y2 in CORNERS[:count]]
-    assert [t.steps[0].action for t in found] == [Action("click", *middle) for middle in middles]
-    assert [t.instruction for t in found] == [f"text {i}" for i in range(count)]
-    assert [Path(t.steps[0].image).name for t in found] == [f"{i}.png" for i in range(count)]
+    assert [t.steps[0].action for t in value] == [Action("click", *middle) for middle in middles]
+    assert [t.instruction for t in value] == [f"text {i}" for i in range(count)]
+    assert [Path(t.steps[0].image).name for t in value] == [f"{i}.png" for i in range(count)]
 
 
 def test_what_a_set_says_of_the_screen_is_kept(tmp_path: Path) -> None:
@@ -108,16 +108,16 @@ def test_what_a_set_says_of_the_screen_is_kept(tmp_path: Path) -> None:
 
 def test_boxes_of_one_picture_are_its_elements(tmp_path: Path) -> None:
     make(tmp_path, [groundcua("0.png", box, "a") for box in CORNERS])
-    found, _ = read(tmp_path)
-    assert [t.steps[0].elements for t in found] == [tuple(CORNERS)] * 3
+    value, _ = read(tmp_path)
+    assert [t.steps[0].elements for t in value] == [tuple(CORNERS)] * 3
 
 
 def test_elements_of_os_atlas(tmp_path: Path) -> None:
     parts = [{"instruction": f"text {i}", "bbox": fractions(box)} for i, box in enumerate(CORNERS)]
     make(tmp_path, [{"img_filename": "0.png", "url": "x", "elements": parts}])
-    found, rejected = read(tmp_path)
+    value, rejected = read(tmp_path)
     assert not rejected
-    assert [(t.id, t.steps[0].target_box) for t in found] == [
+    assert [(t.id, t.steps[0].target_box) for t in value] == [
         (f"set/000000-{i}", box) for i, box in enumerate(CORNERS)
     ]
 
@@ -137,8 +137,8 @@ def test_elements_of_os_atlas(tmp_path: Path) -> None:
 def test_a_bad_row_never_loses_the_rest(change: Any, reason: str, tmp_path: Path) -> None:
     rows = [screenspot_pro("0.png", box, "a") for box in CORNERS]
     rows[0].update(change)
-    found, (rejected,) = read(make(tmp_path, rows))
-    assert [t.steps[0].target_box for t in found] == CORNERS[1:]
+    value, (rejected,) = read(make(tmp_path, rows))
+    assert [t.steps[0].target_box for t in value] == CORNERS[1:]
     assert rejected.where == "row 0"
     assert reason in rejected.reason
 
@@ -153,15 +153,15 @@ def test_what_osworld_g_has_beside_boxes(kind: str, tmp_path: Path) -> None:
         },
         osworld_g("1.png", CORNERS[1], "b"),
     ]
-    found, (rejected,) = read(make(tmp_path, rows))
-    assert [t.instruction for t in found] == ["b"]
+    value, (rejected,) = read(make(tmp_path, rows))
+    assert [t.instruction for t in value] == ["b"]
     assert kind in rejected.reason
 
 
 def test_a_set_that_is_not_known_needs_a_choice_where_nothing_decides(tmp_path: Path) -> None:
     rows = [{"image_path": "0.png", "bbox": list(CORNERS[0]), "instruction": "a"}]
-    found, (rejected,) = read(make(tmp_path, rows))
-    assert not found
+    value, (rejected,) = read(make(tmp_path, rows))
+    assert not value
     assert "--boxes" in rejected.reason
     assert (
         read(tmp_path, boxes="xyxy", coordinates="pixels")[0][0].steps[0].target_box == CORNERS[0]
@@ -175,9 +175,9 @@ def test_a_set_that_is_not_known_needs_a_choice_where_nothing_decides(tmp_path: 
 
 def test_the_sample_of_every_reader(tmp_path: Path) -> None:
     grounding(tmp_path)
-    found, rejected = read(tmp_path)
+    value, rejected = read(tmp_path)
     assert not rejected
-    assert found[0].steps[0].action == Action("click", 100, 50)
+    assert value[0].steps[0].action == Action("click", 100, 50)
     assert json.loads((tmp_path / "annotations" / "gimp_linux.json").read_text())
 
 
@@ -228,14 +228,14 @@ def read_as(name: str, path: Path) -> tuple[list[Trajectory], list[Rejected]]:
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_a_set_by_name_is_read_as_grounding_reads_it(name: str, tmp_path: Path) -> None:
     folder = PUBLISHED[name](tmp_path)
-    found, rejected = read_as(name, folder)
+    value, rejected = read_as(name, folder)
     assert not rejected
-    assert [t.steps[0].target_box for t in found] == CORNERS
-    assert {t.source for t in found} == {name}
+    assert [t.steps[0].target_box for t in value] == CORNERS
+    assert {t.source for t in value} == {name}
     assert detect_format(folder) == "grounding"
-    others, _ = read(folder)
-    assert [(t.id, t.instruction, t.steps[0].action, t.domain, t.apps) for t in found] == [
-        (t.id, t.instruction, t.steps[0].action, t.domain, t.apps) for t in others
+    remaining, _ = read(folder)
+    assert [(t.id, t.instruction, t.steps[0].action, t.domain, t.apps) for t in value] == [
+        (t.id, t.instruction, t.steps[0].action, t.domain, t.apps) for t in remaining
     ]
 
 
@@ -265,8 +265,8 @@ def test_another_layout_is_an_error_that_says_the_right_one(name: str, tmp_path:
     ],
 )
 def test_a_bad_row_of_a_set_is_named(name: str, change: Any, reason: str, tmp_path: Path) -> None:
-    found, (rejected,) = read_as(name, PUBLISHED[name](tmp_path, **change))
-    assert [t.steps[0].target_box for t in found] == CORNERS[1:]
+    value, (rejected,) = read_as(name, PUBLISHED[name](tmp_path, **change))
+    assert [t.steps[0].target_box for t in value] == CORNERS[1:]
     assert rejected.where == "row 0"
     assert reason in rejected.reason
 

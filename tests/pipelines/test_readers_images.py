@@ -33,10 +33,10 @@ def pictures(tmp_path: Path) -> Path:
 def test_each_picture_is_a_trajectory_without_an_action(pictures: Path, tmp_path: Path) -> None:
     (pictures / "README.md").write_text("# mine")
     assert detect_format(pictures) == detect_format(pictures / "a.png") == "images"
-    found, rejected = read(pictures)
+    value, rejected = read(pictures)
     assert rejected == []
-    assert list(found) == ["a.png", "sub/a.png", "sub/b.JPG"]
-    assert all(t.steps[0].action == Action("other") for t in found.values())
+    assert list(value) == ["a.png", "sub/a.png", "sub/b.JPG"]
+    assert all(t.steps[0].action == Action("other") for t in value.values())
     report = build(pictures, tmp_path / "out", corruptions={"half": hj.Resolution(scale=0.5)})
     assert (report.rows, report.exit_code) == ({"clean": 3, "half": 3}, 0)
     assert verify(tmp_path / "out").ok
@@ -59,13 +59,13 @@ def test_metadata_of_an_image_folder(pictures: Path, tmp_path: Path) -> None:
     ]
     (pictures / "metadata.jsonl").write_text("\n".join(map(json.dumps, lines)))
     assert detect_format(pictures) == "images"
-    found, rejected = read(pictures)
+    value, rejected = read(pictures)
     assert rejected == []
-    first, second = found["a.png"], found["sub/a.png"]
+    first, second = value["a.png"], value["sub/a.png"]
     assert (first.instruction, first.steps[0].action) == ("click it", Action("click", 5, 6))
     assert json.loads(first.steps[0].extra) == {"label": 3}
     assert (second.apps, second.steps[0].target_box) == (("chrome",), (1, 2, 30, 40))
-    assert found["sub/b.JPG"].steps[0].extra == ""
+    assert value["sub/b.JPG"].steps[0].extra == ""
     build(pictures, tmp_path / "out", corruptions={})
     assert [row["extra"] for row in open_dataset(tmp_path / "out")] == ['{"label": 3}', None, None]
 
@@ -101,10 +101,10 @@ def test_what_is_wrong_with_metadata_is_said(
     line: Any, where: str, reason: str, pictures: Path
 ) -> None:
     (pictures / "metadata.jsonl").write_text(json.dumps(line))
-    found, (rejected,) = read(pictures)
+    value, (rejected,) = read(pictures)
     assert rejected.file == where
     assert reason in str(rejected)
-    assert len(found) == (2 if where == "a.png" else 3)
+    assert len(value) == (2 if where == "a.png" else 3)
 
 
 def test_pictures_beside_records_of_an_unknown_format_are_not_taken_unasked(
@@ -119,22 +119,22 @@ def test_pictures_beside_records_of_an_unknown_format_are_not_taken_unasked(
 def test_a_picture_that_cannot_be_read_is_counted(pictures: Path, tmp_path: Path) -> None:
     (pictures / "bad.png").write_text("no picture")
     (pictures / "out.png").symlink_to(tmp_path / "elsewhere.png")
-    found, rejected = read(pictures)
-    assert len(found) == 3
+    value, rejected = read(pictures)
+    assert len(value) == 3
     assert [r.file for r in rejected] == ["bad.png", "out.png"]
 
 
 def test_the_platform_and_the_code_of_a_picture_count(pictures: Path) -> None:
-    known: dict[str, dict[str, Any]] = {
+    entries: dict[str, dict[str, Any]] = {
         "a": {"platform": "windows", "action_code": "pyautogui.rightClick(5, 6)"},
         "sub/a": {"action_code": "pyautogui.click(320, 6)"},
         "sub/b": {"action": {"type": "click", "x": 5, "y": 6}, "action_code": "WAIT"},
     }
-    for name, record in known.items():
+    for name, record in entries.items():
         (pictures / f"{name}.json").write_text(json.dumps(record))
-    found, rejected = read(pictures)
-    (step,) = found["a.png"].steps
-    assert (found["a.png"].platform, step.action) == ("windows", Action("right_click", 5, 6))
+    value, rejected = read(pictures)
+    (step,) = value["a.png"].steps
+    assert (value["a.png"].platform, step.action) == ("windows", Action("right_click", 5, 6))
     assert [(r.file, r.field) for r in rejected] == [
         ("sub/a.png", "action_code"),
         ("sub/b.JPG", "action_code"),

@@ -314,10 +314,10 @@ def test_links_inside_the_source_are_followed(
 def test_records_that_are_a_link_to_another_folder_are_not_read(
     recording: Any, tmp_path: Path
 ) -> None:
-    other = recording("other")
+    second = recording("other")
     folder = tmp_path / "linked"
     folder.mkdir()
-    (folder / "trajectories.jsonl").symlink_to(other / "trajectories.jsonl")
+    (folder / "trajectories.jsonl").symlink_to(second / "trajectories.jsonl")
     trajectories, rejected = read(folder)
     assert not trajectories
     assert "leaves the source" in rejected[0].reason
@@ -419,9 +419,9 @@ def test_everything_that_is_wrong_with_a_line_is_said_at_once(
         folder,
         {"trajectory_id": "t9", "step": 0, "instruction": "i", "image": "none.png", "action": None},
     )
-    one, two = read(folder)[1]
-    assert (one.where, one.field) == ("line 7", "trajectory_id")
-    said = (
+    value, two = read(folder)[1]
+    assert (value.where, value.field) == ("line 7", "trajectory_id")
+    output = (
         "is missing",
         "step: must be",
         "instruction: is missing",
@@ -431,8 +431,8 @@ def test_everything_that_is_wrong_with_a_line_is_said_at_once(
         "action.y: 5000 is outside",
         "elements: ",
     )
-    assert [part for part in said if part not in str(one)] == []
-    assert "elemnts" not in str(one)  # the field that it might be meant for is there
+    assert [part for part in output if part not in str(value)] == []
+    assert "elemnts" not in str(value)  # the field that it might be meant for is there
     assert str(two).endswith("image: 'none.png' is not in the source folder; action: is missing")
 
 

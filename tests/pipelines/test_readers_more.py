@@ -160,8 +160,8 @@ def test_actions_of_android_control(action: Any, expected: Any, tmp_path: Path) 
 def test_tfrecord_is_refused_with_the_way_out(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(b"\x1f\x8b")
     assert detect_format(tmp_path) == detect_format(tmp_path / name) == "android_control"
-    found, (rejected,) = read(tmp_path, "android_control")
-    assert not found
+    value, (rejected,) = read(tmp_path, "android_control")
+    assert not value
     assert "write a JSON an episode" in rejected.reason
 
 
@@ -199,20 +199,20 @@ def test_multimodal_mind2web(tmp_path: Path) -> None:
         mind2web_row(7, "CLICK"),
     ]
     write_table(tmp_path / "a.parquet", rows)
-    found, rejected = read(tmp_path, "parquet")
-    assert [t.id for t in found] == ["a1/u0", "a1/u1", "a1/u2", "a1/u7"]
-    assert [t.steps[0].action for t in found][:3] == [
+    value, rejected = read(tmp_path, "parquet")
+    assert [t.id for t in value] == ["a1/u0", "a1/u1", "a1/u2", "a1/u7"]
+    assert [t.steps[0].action for t in value][:3] == [
         Action("click", 100, 50),
         Action("other", 100, 50),
         Action("other", 100, 50),
     ]
-    assert [t.steps[0].action_code for t in found][:3] == [
+    assert [t.steps[0].action_code for t in value][:3] == [
         "pyautogui.click(100, 50)",
         'pyautogui.click(100, 50)\npyautogui.write("it\'s")',
         "",
     ]
-    assert {t.steps[0].target_box for t in found} == {(80, 40, 120, 60)}
-    assert {(t.instruction, stated_screen(t)) for t in found} == {("buy it", "web page")}
+    assert {t.steps[0].target_box for t in value} == {(80, 40, 120, 60)}
+    assert {(t.instruction, stated_screen(t)) for t in value} == {("buy it", "web page")}
     assert [(r.where, r.field) for r in rejected] == [
         ("row 3", "operation.op"),
         ("row 4", "pos_candidates"),

@@ -37,22 +37,23 @@ def shot(name: str, number: int) -> dict[str, Any]:
 
 @pytest.mark.parametrize("shape", ["lines", "list", "items", "bodies", "body lines"])
 def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
-    given = items(tmp_path)
+    options = items(tmp_path)
     (tmp_path / "run.jsonl").unlink()
     if shape == "lines":
-        write_lines(tmp_path / "a.jsonl", given)
+        write_lines(tmp_path / "a.jsonl", options)
     elif shape == "list":
-        write_json(tmp_path / "a.json", given)
+        write_json(tmp_path / "a.json", options)
     elif shape == "items":
-        write_json(tmp_path / "a.json", {"items": given})
+        write_json(tmp_path / "a.json", {"items": options})
     elif shape == "bodies":
         write_json(
             tmp_path / "a.json",
-            {"model": "computer-use-preview", "input": given[:4], "output": given[4:]},
+            {"model": "computer-use-preview", "input": options[:4], "output": options[4:]},
         )
     else:  # the second request holds the first again
         write_lines(
-            tmp_path / "a.jsonl", [{"input": given[:3]}, {"output": given[3:5]}, {"input": given}]
+            tmp_path / "a.jsonl",
+            [{"input": options[:3]}, {"output": options[3:5]}, {"input": options}],
         )
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -142,9 +143,9 @@ def with_output(output: Any) -> Any:
 def test_what_is_broken_is_counted(
     number: int, item: Any, fields: list[str], reason: str, tmp_path: Path
 ) -> None:
-    given = items(tmp_path)
-    given[number] = item
-    write_lines(tmp_path / "run.jsonl", given)
+    options = items(tmp_path)
+    options[number] = item
+    write_lines(tmp_path / "run.jsonl", options)
     (trajectory,), rejected = read(tmp_path)
     assert [(r.file, r.field) for r in rejected] == [("run.jsonl", field) for field in fields]
     assert rejected[0].where == f"line {number + 1}"
@@ -153,9 +154,9 @@ def test_what_is_broken_is_counted(
 
 
 def test_an_action_without_a_screenshot_of_its_own(tmp_path: Path) -> None:
-    given = [{"role": "user", "content": "go"}, call("0", {"type": "wait"}), shot("0", 0)]
+    options = [{"role": "user", "content": "go"}, call("0", {"type": "wait"}), shot("0", 0)]
     write_json(
-        tmp_path / "a.json", [*given, call("1", {"type": "wait"}), call("2", {"type": "wait"})]
+        tmp_path / "a.json", [*options, call("1", {"type": "wait"}), call("2", {"type": "wait"})]
     )
     (trajectory,), rejected = read(tmp_path)
     assert [s.index for s in trajectory] == [2]

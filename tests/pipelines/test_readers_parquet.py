@@ -177,7 +177,7 @@ def call(name: str, **given: Any) -> dict[str, Any]:
 
 def cua(*calls: dict[str, Any], batch: bool = False) -> list[dict[str, Any]]:
     listed = [{"action": c["function"]["name"], **c["function"]["arguments"]} for c in calls]
-    own = [call("computer", actions=listed)] if batch else list(calls)
+    result = [call("computer", actions=listed)] if batch else list(calls)
     return [
         {
             "role": "user",
@@ -186,7 +186,7 @@ def cua(*calls: dict[str, Any], batch: bool = False) -> list[dict[str, Any]]:
         {
             "role": "assistant",
             "content": [{"type": "action_description", "text": "now"}],
-            "tool_calls": own,
+            "tool_calls": result,
         },
         {"role": "tool", "content": [{"type": "image", "index": 1}]},
         {"role": "assistant", "content": [{"type": "text", "text": "Done."}]},

@@ -51,9 +51,9 @@ def played(
 
 
 def read(folder: Path):
-    found = list(get_reader("runs").read(folder))
-    rejected = [item for item in found if isinstance(item, Rejected)]
-    return [item for item in found if not isinstance(item, Rejected)], [
+    items = list(get_reader("runs").read(folder))
+    rejected = [item for item in items if isinstance(item, Rejected)]
+    return [item for item in items if not isinstance(item, Rejected)], [
         str(item) for item in rejected
     ]
 
@@ -109,8 +109,8 @@ def test_what_is_no_sample_is_left_out_with_the_reason(tmp_path):
     broken = tmp_path / "episodes" / "broken"
     broken.mkdir()
     (broken / "steps.jsonl").write_text("{}\n")
-    found, rejected = read(tmp_path)
-    assert [trajectory.id for trajectory in found] == ["do-3__subtitle__s3__agent"]
+    value, rejected = read(tmp_path)
+    assert [trajectory.id for trajectory in value] == ["do-3__subtitle__s3__agent"]
     text = "\n".join(rejected)
     for words in (
         "the action was refused",
@@ -156,12 +156,12 @@ def test_a_dataset_of_a_run_is_what_the_agents_saw(tmp_path):
             live[path.parent.name, line["step"]] = line["plan_digest"], line["seen_sha256"]
     report = build(tmp_path / "run", tmp_path / "data", corruptions=VISUAL, seed=3)
     assert report.exit_code == 0
-    seen = Counter()
+    counts = Counter()
     for row in open_dataset(tmp_path / "data"):
         if f"__{row['corruption']}__" in row["trajectory_id"]:
             assert (row["plan_digest"], row["image_sha256"]) == live[
                 row["trajectory_id"], row["step"]
             ]
-            seen[row["corruption"]] += 1
-    assert seen == dict.fromkeys(VISUAL, 3)
+            counts[row["corruption"]] += 1
+    assert counts == dict.fromkeys(VISUAL, 3)
     assert verify(tmp_path / "data").ok

@@ -126,8 +126,8 @@ def test_two_steps_on_one_picture_and_two_sessions_of_one_id(tmp_path: Path) -> 
 
 def test_a_step_of_another_session_in_the_folder(tmp_path: Path) -> None:
     screenagent(tmp_path)
-    other = tmp_path / "s1" / "2023-12-20_19-31-31.json"
-    other.write_text(json.dumps({**json.loads(other.read_text()), "session_id": "s7"}))
+    second = tmp_path / "s1" / "2023-12-20_19-31-31.json"
+    second.write_text(json.dumps({**json.loads(second.read_text()), "session_id": "s7"}))
     (trajectory,), (rejected,) = read(tmp_path)
     assert (trajectory.id, len(trajectory.steps)) == ("s1", 1)
     assert rejected.field == "session_id"

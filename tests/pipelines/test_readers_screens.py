@@ -20,17 +20,17 @@ PHONE = "the pictures show a phone, not the screen of a desktop"
 
 
 def test_formats_that_show_pages_or_phones_say_so(tmp_path: Path) -> None:
-    found = {}
+    entries = {}
     every = {**FORMATS, **SETS}
     for name in every:
         first, *_ = get_reader(name).read(every[name](tmp_path / name))
         assert isinstance(first, Trajectory)
-        found[name] = stated_screen(first)
+        entries[name] = stated_screen(first)
     desktops = ("agentnet", "grounding", "osworld", "runs", "screenagent")
     pages = dict.fromkeys(("browser_use", "guiact", "webvoyager"), "web page")
     phones = dict.fromkeys(("aitz", "android_control", "gui_odyssey"), "phone")
-    others = {**dict.fromkeys(desktops, "desktop"), **pages, **phones}
-    assert found == {**dict.fromkeys(every), **others}
+    remaining = {**dict.fromkeys(desktops, "desktop"), **pages, **phones}
+    assert entries == {**dict.fromkeys(every), **remaining}
 
 
 @pytest.mark.parametrize(
@@ -53,8 +53,8 @@ def test_formats_that_show_pages_or_phones_say_so(tmp_path: Path) -> None:
 def test_the_domain_says_it_where_the_reader_does_not(domain: str, expected: str | None) -> None:
     assert stated_screen(Trajectory("t", "webvoyager", "", (), domain)) == expected
     assert stated_screen(RecordedTrajectory("t", "x", "", (), domain)) == expected
-    for said in ("desktop", "web page", "phone"):
-        assert stated_screen(RecordedTrajectory("t", "x", "", (), domain, screen=said)) == said  # type: ignore[arg-type]
+    for output in ("desktop", "web page", "phone"):
+        assert stated_screen(RecordedTrajectory("t", "x", "", (), domain, screen=output)) == output  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("screen", ["webpage", "", 3, ["phone"]])
@@ -114,9 +114,9 @@ def test_a_build_that_was_stopped_notices_another_screen(recording: Any) -> None
 
     item, *_ = get_reader("jsonl").read(recording())
     assert isinstance(item, Trajectory)
-    known = {name: getattr(item, name) for name in ("id", "source", "instruction", "steps")}
+    entries = {name: getattr(item, name) for name in ("id", "source", "instruction", "steps")}
     hashes = [
-        records_hash([RecordedTrajectory(**known, screen=s)], Path())
+        records_hash([RecordedTrajectory(**entries, screen=s)], Path())
         for s in (None, "phone", "web page")
     ]  # type: ignore[arg-type]
     assert len(set(hashes)) == 3

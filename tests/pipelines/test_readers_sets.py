@@ -167,9 +167,9 @@ def test_rows_of_guiact_that_are_no_episode_are_one_each(tmp_path: Path) -> None
     file = tmp_path / "web-multi_test_data.json"
     change(file, 0, uid="uid_image_a_qa_01")
     change(file, 1, uid="uid_image_a_qa_02", question="another")
-    found, rejected = read(tmp_path, "guiact")
+    value, rejected = read(tmp_path, "guiact")
     assert not rejected
-    assert [(t.id, t.instruction) for t in found] == [
+    assert [(t.id, t.instruction) for t in value] == [
         ("uid_image_a_qa_01", "do it"),
         ("uid_image_a_qa_02", "another"),
     ]
@@ -272,8 +272,8 @@ def test_lerobot(tmp_path: Path) -> None:
 )
 def test_lerobot_sets_that_are_refused(features: Any, reason: str, tmp_path: Path) -> None:
     lerobot(tmp_path / "set", **features)
-    found, (rejected,) = read(tmp_path, "lerobot")
-    assert not found
+    value, (rejected,) = read(tmp_path, "lerobot")
+    assert not value
     assert reason in rejected.reason
     change(tmp_path / "set/meta/info.json", codebase_version="v2.1")
     _, (rejected,) = read(tmp_path, "lerobot")

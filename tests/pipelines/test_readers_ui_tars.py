@@ -35,7 +35,7 @@ def test_a_full_screen_by_hand(tmp_path: Path) -> None:
     # smart_resize gives 1092x1932 for 1080x1920: x = 966 * 1920 / 1932 = 960, y = 546 * 1080 / 1092
     # = 540.
     (tmp_path / "0.png").write_bytes(png(0, 1920, 1080))
-    given = [
+    options = [
         {
             "role": "user",
             "content": [
@@ -45,7 +45,7 @@ def test_a_full_screen_by_hand(tmp_path: Path) -> None:
         },
         {"role": "assistant", "content": "Action: click(point='<point>966 546</point>')"},
     ]
-    write_json(tmp_path / "a.json", given)
+    write_json(tmp_path / "a.json", options)
     (trajectory,), rejected = read(tmp_path, "ui_tars_1.5")
     assert not rejected
     assert trajectory.steps[0].action == Action("click", 960, 540)
@@ -87,17 +87,17 @@ def test_a_log_of_the_other_version_is_refused_whole(tmp_path: Path) -> None:
 
 def test_a_reply_with_two_actions_is_one_step(tmp_path: Path) -> None:
     ui_tars(tmp_path)
-    given = lines(tmp_path)
-    given[3]["content"] = "Thought: x\nAction: click(start_box='(500,500)')\n\ntype(content='a')"
-    write_lines(tmp_path / "run.jsonl", given)
+    options = lines(tmp_path)
+    options[3]["content"] = "Thought: x\nAction: click(start_box='(500,500)')\n\ntype(content='a')"
+    write_lines(tmp_path / "run.jsonl", options)
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
     assert trajectory.steps[0].action == Action("click", 200, 100)
-    assert trajectory.steps[0].action_code == given[3]["content"]
+    assert trajectory.steps[0].action_code == options[3]["content"]
 
 
 def test_an_instruction_of_its_own_and_content_in_parts(tmp_path: Path) -> None:
-    given = {
+    entries = {
         "model": "ui-tars-2b",
         "instruction": "my task",
         "messages": [
@@ -106,7 +106,7 @@ def test_an_instruction_of_its_own_and_content_in_parts(tmp_path: Path) -> None:
             {"role": "assistant", "content": [{"type": "text", "text": "Action: wait()"}]},
         ],
     }
-    write_json(tmp_path / "a.json", given)
+    write_json(tmp_path / "a.json", entries)
     assert detect_format(tmp_path / "a.json") == "ui_tars"
     (trajectory,), rejected = read(tmp_path)
     assert not rejected
@@ -139,9 +139,9 @@ def test_what_is_broken_is_counted(
     number: int, message: Any, fields: list[str], reason: str, tmp_path: Path
 ) -> None:
     ui_tars(tmp_path)
-    given = lines(tmp_path)
-    given[number] = message
-    write_lines(tmp_path / "run.jsonl", given)
+    options = lines(tmp_path)
+    options[number] = message
+    write_lines(tmp_path / "run.jsonl", options)
     (trajectory,), rejected = read(tmp_path)
     assert [r.field for r in rejected] == fields
     assert reason in rejected[0].reason

@@ -42,13 +42,13 @@ CASES = {
 def played(folder: Path, *labels: str) -> list[Path]:
     """Episodes under `folder`; returns their folders."""
     env = CorruptedEnv(FakeStage(FakeDesktop((720, 1280))), settle=AT_ONCE, log=folder)
-    made = []
+    items = []
     for label in labels:
         env.reset(seed=2**63 + 5, options={"corruption": CASES[label], "label": label})
         for action in ("pyautogui.click(10, 20)", "nonsense", "DONE"):
             env.step(action)
-        made.append(folder / "episodes" / env.record["id"])
-    return made
+        items.append(folder / "episodes" / env.record["id"])
+    return items
 
 
 def edit(folder: Path, step: int, /, **changes) -> None:
@@ -100,16 +100,16 @@ def test_whatever_differs_is_named_with_file_and_step(tmp_path, change, words):
 
 
 def test_a_changed_picture_is_found(tmp_path):
-    folder, other = played(tmp_path, "marks", "clean")
-    for place, name in ((folder, "0000.png"), (folder, "0001.seen.png"), (other, "0002.png")):
+    folder, second = played(tmp_path, "marks", "clean")
+    for place, name in ((folder, "0000.png"), (folder, "0001.seen.png"), (second, "0002.png")):
         picture = np.array(Image.open(place / "frames" / name))
         picture[700, 3] ^= 1
         Image.fromarray(picture).save(place / "frames" / name)
-    found = "\n".join(rebuild(tmp_path).problems)
-    assert "step 0: frames/0000.png: disturbed again it is not" in found
-    assert "step 1: frames/0001.seen.png: is not" in found
-    assert "step 2: frames/0002.png" in found
-    assert len(found.splitlines()) == 3
+    result = "\n".join(rebuild(tmp_path).problems)
+    assert "step 0: frames/0000.png: disturbed again it is not" in result
+    assert "step 1: frames/0001.seen.png: is not" in result
+    assert "step 2: frames/0002.png" in result
+    assert len(result.splitlines()) == 3
     (folder / "frames" / "0002.png").write_bytes(b"no picture")
     assert "line 3" in "\n".join(rebuild(tmp_path).problems)
 
@@ -141,9 +141,9 @@ def test_what_is_no_run_is_refused(tmp_path):
 
 def test_a_run_published_without_steps_is_verified_as_far_as_its_records_go(tmp_path):
     shutil.copytree(PUBLISHED, tmp_path / "run")
-    found = CliRunner().invoke(hijack, ["verify", str(tmp_path)])  # finds the run inside
-    assert found.exit_code == 0, found.output
-    assert "no steps were published" in found.output
+    result = CliRunner().invoke(hijack, ["verify", str(tmp_path)])  # finds the run inside
+    assert result.exit_code == 0, result.output
+    assert "no steps were published" in result.output
     source = open_source(tmp_path)
     assert "damaged" not in source.facts
     data = source.episode(0)

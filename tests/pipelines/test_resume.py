@@ -139,8 +139,8 @@ class Case:
 
 @pytest.fixture(scope="module")
 def killing() -> Iterator[Killer]:
-    with killer() as found:
-        yield found
+    with killer() as result:
+        yield result
 
 
 @pytest.fixture
@@ -172,8 +172,8 @@ def test_killed_before_and_after_every_file_is_put_in_place(six: Case, tmp_path:
             out = tmp_path / f"{number}-{before}"
             case = f"killed {'before' if before else 'after'} {name}"
             assert six.kill.at_rename(six.source, out, six.options, number, before), case
-            done = list((out / "data").glob("train-*.parquet"))
-            assert len(done) == len([n for n in names[: number + (not before)] if n in shards]), (
+            items = list((out / "data").glob("train-*.parquet"))
+            assert len(items) == len([n for n in names[: number + (not before)] if n in shards]), (
                 case
             )
             assert (out / "manifest.json").exists() == (name == "manifest.json" and not before), (
@@ -333,15 +333,15 @@ def test_a_damaged_state_is_named(recording: Any, planners: Any, tmp_path: Path)
 
 def test_two_builds_of_one_folder(recording: Any, planners: Any, tmp_path: Path) -> None:
     source, out = recording(), tmp_path / "out"
-    seen: list[str] = []
+    calls: list[str] = []
 
     def second(*_: Any) -> None:
         with pytest.raises(BuildError, match="another build is writing"):
             build(source, out, corruptions=planners, resume=True)
-        seen.append("refused")
+        calls.append("refused")
 
     build(source, out, corruptions=planners, progress=second)
-    assert seen
+    assert calls
 
 
 def turned_round(image: Path) -> None:
@@ -382,10 +382,10 @@ def test_a_killed_build_mixes_nothing_with_pictures_that_changed(
 ) -> None:
     out = tmp_path / "out"
     kill_after(start(bitmaps, out, 1, "fresh"), 5)
-    done = len(list((out / "data").glob("train-*.parquet")))
-    assert 1 <= done < 4
+    count = len(list((out / "data").glob("train-*.parquet")))
+    assert 1 <= count < 4
     turned_round(bitmaps / "images" / "t0-1.png")
     report = build(bitmaps, out, corruptions=planners, rows_per_shard=9, resume=True)
-    assert report.kept == done - 1
+    assert report.kept == count - 1
     build(bitmaps, tmp_path / "fresh", corruptions=planners, rows_per_shard=9)
     assert contents(out) == contents(tmp_path / "fresh")

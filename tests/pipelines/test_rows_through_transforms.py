@@ -80,21 +80,21 @@ def pairs(dataset: Path) -> list[tuple[int, dict[str, Any]]]:
 
 
 def test_torch_rows_equal_the_rows_of_a_build(dataset: Path) -> None:
-    data, found = TorchDataset(dataset), pairs(dataset)
-    assert len(found) == 7 * 3
-    for number, built in found:
-        made = tr.Replay(built["plan"])(data[number])
-        same(made, built)
-        assert made["boxes"].tolist() == ([built["target_box"]] if built["target_box"] else [])
+    data, result = TorchDataset(dataset), pairs(dataset)
+    assert len(result) == 7 * 3
+    for number, built in result:
+        value = tr.Replay(built["plan"])(data[number])
+        same(value, built)
+        assert value["boxes"].tolist() == ([built["target_box"]] if built["target_box"] else [])
         if built["corruption"] == "resolution":
             same(tr.Resolution(scale=0.5, seed=SEED)(data[number]), built)
 
 
 def test_rows_of_pictures_and_batches_do_so_too(dataset: Path) -> None:
-    rows, found = open_dataset(dataset), pairs(dataset)
-    for number, built in found:
+    rows, result = open_dataset(dataset), pairs(dataset)
+    for number, built in result:
         same(tr.Replay(built["plan"])(rows[number]), built)
-    halves = [(number, built) for number, built in found if built["corruption"] == "resolution"]
+    halves = [(number, built) for number, built in result if built["corruption"] == "resolution"]
     data = TorchDataset(dataset)
     batch = tr.Resolution(scale=0.5, seed=SEED)(collate([data[number] for number, _ in halves]))
     for i, (_, built) in enumerate(halves):
@@ -146,14 +146,14 @@ def test_a_row_that_is_corrupted_already_says_both(dataset: Path) -> None:
         assert (out["seed"], out["severity"]) == (9, None)
         end = row["action"]["x2"], row["action"]["y2"]
         box = clean[row["trajectory_id"]]["target_box"]
-        seen = hj.judge(
+        calls = hj.judge(
             whole,
             data[0]["screenshot"],
             out["screenshot"],
             target=box,
             end=None if None in end else end,
         )
-        assert out["target_visible"] == seen.target_visible
+        assert out["target_visible"] == calls.target_visible
         assert out["changed_pixels"] == out["screenshot"][0].numel()
         more = tr.Marks(seed=9, number=3)(row)
         assert more["changed_pixels"] is None  # the clean screenshot is not at hand
@@ -233,8 +233,8 @@ CLICK, DRAG = Action("click", 961, 541), Action("drag", 100, 200, 300, 400)
 def test_the_dialect_of_a_row_is_told_by_what_it_says(
     code: str, dialect: str, action: Action
 ) -> None:
-    found = detect_dialect(code, action, SIZE)
-    assert found == dialect or (found, dialect) == (SIZELESS, "ui_tars")
+    result = detect_dialect(code, action, SIZE)
+    assert result == dialect or (result, dialect) == (SIZELESS, "ui_tars")
     step = RecordedStep(0, "", action, code, dialect=dialect)
     assert map_action_code(code, action, Move(SIZE, SMALL)) == observed_code(
         CoordMap(SMALL, SIZE), step

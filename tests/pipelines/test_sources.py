@@ -94,8 +94,8 @@ def test_a_mixed_folder_gives_the_same_bytes_wherever_it_lies_and_however_it_is_
 def test_a_format_is_read_alike_whether_it_was_found_or_named(name: str, tmp_path: Path) -> None:
     (tmp_path / "source").mkdir()
     FORMATS[name](tmp_path / "source")
-    found, named = (Sources.open(tmp_path / "source", given).read() for given in (None, name))
-    assert [read.item for read in found] == [read.item for read in named]
+    value, named = (Sources.open(tmp_path / "source", options).read() for options in (None, name))
+    assert [read.item for read in value] == [read.item for read in named]
 
 
 def test_record_files_that_no_reader_takes_are_named(recording: Any, tmp_path: Path) -> None:
@@ -195,27 +195,27 @@ def test_what_is_published_beside_recordings_is_refused_by_its_name(
 
 
 def test_several_sources(recording: Any, tmp_path: Path) -> None:
-    one, two = recording("one"), recording("two")
-    report = build([one, two], tmp_path / "out", corruptions={})
+    result, two = recording("one"), recording("two")
+    report = build([result, two], tmp_path / "out", corruptions={})
     rows = list(open_dataset(tmp_path / "out"))
     assert [row["trajectory_id"] for row in rows[::3]] == ["t0", "t1", "two/t0", "two/t1"]
     assert "2 trajectories have an id" in report.notes[0]
     assert len({row["id"] for row in rows}) == len(rows) == 12
     assert verify(tmp_path / "out").ok
-    again = build([one, two], tmp_path / "out", corruptions={}, resume=True)
+    again = build([result, two], tmp_path / "out", corruptions={}, resume=True)
     assert again.kept == again.shards == 2
     with pytest.raises(SourceError, match="given twice"):
-        build([one, one], tmp_path / "x")
+        build([result, result], tmp_path / "x")
     with pytest.raises(BuildError, match="lies in the source"):
-        build([one, two], two / "out")
+        build([result, two], two / "out")
 
 
 def test_what_is_rejected_is_named_with_its_source(
     recording: Any, add_line: Any, tmp_path: Path
 ) -> None:
-    one, two = recording("a/same"), recording("b/same")
+    result, two = recording("a/same"), recording("b/same")
     add_line(two, b"rubbish")
-    trajectories, (rejected,) = read(one, two)
+    trajectories, (rejected,) = read(result, two)
     assert rejected.file == "b/same/trajectories.jsonl"
     assert [t.id for t in trajectories] == ["t0", "t1", "b/same/t0", "b/same/t1"]
 
@@ -291,12 +291,12 @@ def test_links_of_a_snapshot_are_followed_into_its_own_blobs(
 
 
 def test_links_of_a_snapshot_to_anywhere_else_are_refused(snapshot: Path, tmp_path: Path) -> None:
-    other = snapshot.parents[2] / "datasets--me--other" / "blobs"
-    other.mkdir(parents=True)
+    second = snapshot.parents[2] / "datasets--me--other" / "blobs"
+    second.mkdir(parents=True)
     picture = snapshot / "images" / "t0-0.png"
-    shutil.copy(picture, other / "0")
+    shutil.copy(picture, second / "0")
     picture.unlink()
-    picture.symlink_to(other / "0")
+    picture.symlink_to(second / "0")
     trajectories, (rejected,) = read(snapshot)
     assert "leaves the source" in rejected.reason
     assert [len(t.steps) for t in trajectories] == [2, 3]

@@ -49,17 +49,17 @@ def dataset(request: Any, recording: Any, add_line: Any, good_line: Any, tmp_pat
 
 
 def test_figures_are_those_of_the_rows(dataset: Path) -> None:
-    found = stats(dataset)
+    result = stats(dataset)
     rows = list(open_dataset(dataset))
-    assert list(found.labels) == ["clean", *PLANNERS]
-    assert found.rows == len(rows) == sum(data.rows for data in found.labels.values())
-    assert (found.trajectories, found.steps, found.shards) == (
+    assert list(result.labels) == ["clean", *PLANNERS]
+    assert result.rows == len(rows) == sum(data.rows for data in result.labels.values())
+    assert (result.trajectories, result.steps, result.shards) == (
         7,
         10,
         len(list((dataset / "data").iterdir())),
     )
-    assert found.bytes == sum(file.stat().st_size for file in (dataset / "data").iterdir())
-    for label, data in found.labels.items():
+    assert result.bytes == sum(file.stat().st_size for file in (dataset / "data").iterdir())
+    for label, data in result.labels.items():
         mine = [row for row in rows if row["corruption"] == label]
         shares = [row["target_visible"] for row in mine if row["target_visible"] is not None]
         figures = data.to_data()
@@ -75,11 +75,11 @@ def test_figures_are_those_of_the_rows(dataset: Path) -> None:
             assert (figures["changed"]["min"], figures["changed"]["max"]) == pytest.approx(
                 (changed[0], changed[-1])
             )
-    cover = found.labels["cover"].to_data()["target_visible"]
+    cover = result.labels["cover"].to_data()["target_visible"]
     assert (cover["none"], cover["50 to 75 %"]) == (1, 1)
-    assert found.labels["mild"].to_data()["severity"] == {"None": 10}
-    assert found.to_data()["not_applicable"]["wide"]
-    assert found.to_data()["rejected"] == {"(record)": 1}
+    assert result.labels["mild"].to_data()["severity"] == {"None": 10}
+    assert result.to_data()["not_applicable"]["wide"]
+    assert result.to_data()["rejected"] == {"(record)": 1}
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_figures_are_those_of_the_rows(dataset: Path) -> None:
     ],
 )
 def test_bins_of_visibility(share: float, name: str) -> None:
-    found = LabelStats()
+    label_stats = LabelStats()
     row = {
         "fidelity": "exact",
         "severity": 3,
@@ -104,10 +104,12 @@ def test_bins_of_visibility(share: float, name: str) -> None:
         "width": 2,
         "height": 2,
     }
-    found.add({**row, "target_visible": share, "event": None, "reminder": None, "inserted": False})
-    assert [BINS[k] for k, count in enumerate(found.visible) if count] == [name]
-    assert found.to_data()["changed"] == {"min": 0.25, "median": 0.25, "max": 0.25}
-    assert found.to_data()["severity"] == {"3": 1}
+    label_stats.add(
+        {**row, "target_visible": share, "event": None, "reminder": None, "inserted": False}
+    )
+    assert [BINS[k] for k, count in enumerate(label_stats.visible) if count] == [name]
+    assert label_stats.to_data()["changed"] == {"min": 0.25, "median": 0.25, "max": 0.25}
+    assert label_stats.to_data()["severity"] == {"3": 1}
 
 
 def test_the_page_stands_by_itself(dataset: Path) -> None:

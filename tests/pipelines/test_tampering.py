@@ -214,7 +214,7 @@ def seal_is_a_folder(run):
 def test_a_field_of_the_wrong_kind_is_named(tamper, problem, run):
     tamper(run)
     report = rebuild(run)
-    assert any(problem in found for found in report.problems), report.problems
+    assert any(problem in item for item in report.problems), report.problems
 
 
 def test_a_second_attempt_that_was_removed_is_missed(run):
@@ -229,11 +229,11 @@ def test_a_second_attempt_that_was_removed_is_missed(run):
     [
         (
             {"given": ["hints"]},
-            "given must be null or a list of task, plan, process, got ['hints']",
+            "given must be null or a list of task, plan, process, tree, devtools, got ['hints']",
         ),
         (
             {"given": ["plan", "plan"]},
-            "given must be null or a list of task, plan, process, got ['plan', ",
+            "given must be null or a list of task, plan, process, tree, devtools, got ['plan', ",
         ),
         ({"given": []}, "records.jsonl: teller was not always given the same (given): nothing; "),
     ],
@@ -243,7 +243,7 @@ def test_what_an_agent_was_given_is_of_a_kind_and_always_the_same(run, changes, 
         both(name, given=["plan"])(run)
     both(MARKS, **changes)(run)
     chained_anew(run)
-    assert any(problem in found for found in rebuild(run).problems)
+    assert any(problem in item for item in rebuild(run).problems)
 
 
 def test_a_record_without_what_was_given_is_incomplete(run):
@@ -261,9 +261,9 @@ def test_a_record_without_what_was_given_is_incomplete(run):
 def test_another_version_is_refused_by_name(run):
     both(MARKS, version=0)(run)
     chained_anew(run)
-    assert any("version: is 0; this library reads" in found for found in rebuild(run).problems)
+    assert any("version: is 0; this library reads" in problem for problem in rebuild(run).problems)
     head(lambda data: data.update(version=0))(run)
-    assert any(found.startswith("run.json: version 0 ") for found in rebuild(run).problems)
+    assert any(problem.startswith("run.json: version 0 ") for problem in rebuild(run).problems)
 
 
 def test_with_the_hashes_of_one_file_written_anew_the_next_one_tells(run):
@@ -300,12 +300,12 @@ def test_signing_says_that_the_seal_cannot_be_replaced(run, keys):
 
 
 def test_who_writes_all_hashes_anew_is_found_by_the_signature_alone(run, keys):
-    mine, other = keys
-    done = command("sign", run, "--key", mine)
-    assert (done.exit_code, "signed by SHA256:" in done.output) == (0, True), done.output
+    mine, second = keys
+    result = command("sign", run, "--key", mine)
+    assert (result.exit_code, "signed by SHA256:" in result.output) == (0, True), result.output
     assert command("verify", run, "--key", f"{mine}.pub").exit_code == 0
     assert rebuild(run).signer.startswith("SHA256:")
-    assert command("verify", run, "--key", f"{other}.pub").exit_code == 1
+    assert command("verify", run, "--key", f"{second}.pub").exit_code == 1
     both(score=1.0)(run)
     chained_anew(run)
     (run / "seal.json").rename(run.parent / "kept")
@@ -315,7 +315,7 @@ def test_who_writes_all_hashes_anew_is_found_by_the_signature_alone(run, keys):
     (run.parent / "kept").rename(run / "seal.json")
     (run.parent / "kept.sig").rename(run / "seal.json.sig")
     assert rebuild(run).problems == ["seal.json: the run is not what was sealed"]
-    seal.sign(run, str(other))
+    seal.sign(run, str(second))
     assert rebuild(run).problems == [], "signed, by whoever"
     assert "is not a signature" in rebuild(run, f"{mine}.pub").problems[0]
 
@@ -335,8 +335,8 @@ def test_an_edited_seal_is_no_longer_signed(run, keys):
 def test_what_is_not_whole_is_not_signed(run, keys, tmp_path):
     mine, _ = keys
     both(score=1.0)(run)
-    done = command("sign", run, "--key", mine)
-    assert (done.exit_code, (run / "seal.json").exists()) == (1, False)
+    result = command("sign", run, "--key", mine)
+    assert (result.exit_code, (run / "seal.json").exists()) == (1, False)
     for key in (tmp_path / "none", f"{mine}.pub.none"):
         with pytest.raises(seal.SealError, match="ssh-keygen -t ed25519"):
             seal.check_key(str(key))

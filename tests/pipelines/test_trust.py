@@ -69,16 +69,16 @@ def test_files_that_may_not_grow(whole: Any, config: Path, tmp_path: Path) -> No
     out = tmp_path / "out"
     arguments = ["build", str(source), "--out", str(out), "--config", str(config)]
     limit = str(len(data["train-00000.parquet"]) // 2)
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", LIMITED, limit, *arguments],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
     )
-    assert done.returncode == 3
-    assert "train-00000.parquet: cannot be written" in done.stderr
-    assert "Traceback" not in done.stderr
+    assert process.returncode == 3
+    assert "train-00000.parquet: cannot be written" in process.stderr
+    assert "Traceback" not in process.stderr
     assert not out.exists()  # a failed attempt is not in the way of the next
     assert resumed(source, out, config) == data
 
@@ -91,11 +91,11 @@ def small_disk(whole: Any, tmp_path: Path) -> Iterator[Path]:
     if os.geteuid() != 0 or shutil.which("mount") is None:
         pytest.skip("only root can mount a small disk")
     size = f"size={sum(map(len, whole[1].values())) // 2}"
-    done = subprocess.run(
+    process = subprocess.run(
         ["mount", "-t", "tmpfs", "-o", size, "tmpfs", folder], capture_output=True, check=False
     )
-    if done.returncode:
-        pytest.skip(f"a small disk cannot be mounted here: {done.stderr.decode().strip()}")
+    if process.returncode:
+        pytest.skip(f"a small disk cannot be mounted here: {process.stderr.decode().strip()}")
     yield folder
     subprocess.run(["umount", folder], check=True)
 
@@ -104,10 +104,10 @@ def test_a_disk_that_is_full(small_disk: Path, whole: Any, config: Path) -> None
     source, data = whole
     out = small_disk / "out"
     command = [*COMMAND, str(source), "--out", str(out), "--config", str(config)]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 3
-    assert "No space left on device" in done.stderr
-    assert "Traceback" not in done.stderr
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert process.returncode == 3
+    assert "No space left on device" in process.stderr
+    assert "Traceback" not in process.stderr
     assert rest(out) == set()
     assert contents(out / "data").items() <= data.items()
     subprocess.run(["mount", "-o", "remount,size=50m", small_disk], check=True)
@@ -146,11 +146,11 @@ def test_a_folder_that_may_not_be_written_to(
     (open_folder / "locked").mkdir(mode=0o555)
     paths = [str(open_folder / part) for part in ("source", "config.yaml", "fine", name)]
     command = [sys.executable, "-c", UNPRIVILEGED, *paths]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert done.returncode == 2, done.stderr
-    assert f"{open_folder / name}" in done.stderr
-    assert "Permission denied" in done.stderr
-    assert "Traceback" not in done.stderr
+    process = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert process.returncode == 2, process.stderr
+    assert f"{open_folder / name}" in process.stderr
+    assert "Permission denied" in process.stderr
+    assert "Traceback" not in process.stderr
     assert list((open_folder / "locked").iterdir()) == []
 
 

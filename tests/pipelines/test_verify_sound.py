@@ -13,8 +13,8 @@ from support.events import COMBINED
 
 def check(source: Path, out: Path, planners: Any, **options: Any) -> None:
     build(source, out, corruptions=planners, **options)
-    for given in (None, source):
-        assert verify(out, source=given).problems == []
+    for item in (None, source):
+        assert verify(out, source=item).problems == []
 
 
 @pytest.mark.parametrize("output", ["materialised", "lazy"])

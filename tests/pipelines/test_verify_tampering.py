@@ -61,8 +61,8 @@ def built(assets: Path, tmp_path_factory: pytest.TempPathFactory, pictures: Any)
             ("two", 1, "materialised"),
         ):
             build(source, folder / name, corruptions=planners, seed=seed, output=output)
-        others = pq.read_table(folder / "two" / SHARD).to_pylist()
-    return Built(source, folder / "one", folder / "lazy", others)
+        remaining = pq.read_table(folder / "two" / SHARD).to_pylist()
+    return Built(source, folder / "one", folder / "lazy", remaining)
 
 
 @pytest.fixture(autouse=True)

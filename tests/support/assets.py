@@ -72,32 +72,32 @@ class PackMaker:
 
 def make_pack(folder: Path) -> Path:
     """A pack for screens of 320x200, with what each of the five corruptions needs."""
-    made = PackMaker(folder)
-    made.add("lock-small", "lock_screen", pixels(1, *SCREEN))
-    made.add("lock-large", "lock_screen", pixels(2, 640, 400))
-    made.add(
+    pack_maker = PackMaker(folder)
+    pack_maker.add("lock-small", "lock_screen", pixels(1, *SCREEN))
+    pack_maker.add("lock-large", "lock_screen", pixels(2, 640, 400))
+    pack_maker.add(
         "error",
         "error_page",
         pixels(3, *SCREEN),
         app="chromium",
         targets=[{"name": "Reload", "role": "button", "box": [200, 100, 240, 120]}],
     )
-    made.add("view", "error_view", page(400, 260), app="chromium")
+    pack_maker.add("view", "error_view", page(400, 260), app="chromium")
     button = {"name": "Editor", "role": "push-button", "box": [20, 180, 80, 200]}
     restore = {"type": "click", "x": 50, "y": 190, "target_box": button["box"]}
-    made.add(
+    pack_maker.add(
         "desktop", "desktop", pixels(4, *SCREEN), app="chromium", targets=[button], recover=restore
     )
     for number, (app, size) in enumerate(
         [("gimp", (90, 70)), ("thunar", (60, 50)), ("thunar", (120, 150))]
     ):
-        shown = {"screen": list(SCREEN), "box": [10, 10, 10 + size[0], 10 + size[1]]}
-        made.add(
-            f"{app}-{size[0]}x{size[1]}", "window", pixels(10 + number, *size), app=app, **shown
+        entries = {"screen": list(SCREEN), "box": [10, 10, 10 + size[0], 10 + size[1]]}
+        pack_maker.add(
+            f"{app}-{size[0]}x{size[1]}", "window", pixels(10 + number, *size), app=app, **entries
         )
     corners = np.dstack([pixels(20, 60, 40), np.full((40, 60), 255, np.uint8)])
     corners[0, 0] = corners[0, -1] = 0
-    made.add(
+    pack_maker.add(
         "menu",
         "menu",
         corners,
@@ -110,7 +110,7 @@ def make_pack(folder: Path) -> Path:
     )
     cancel = {"name": "Cancel", "role": "push-button", "box": [10, 30, 40, 45]}
     close = {"type": "click", "x": 25, "y": 37, "target_box": cancel["box"]}
-    made.add(
+    pack_maker.add(
         "dialog",
         "dialog",
         pixels(21, 100, 50),
@@ -121,4 +121,4 @@ def make_pack(folder: Path) -> Path:
         recover=close,
         opened_by={"type": "click", "x": -20, "y": 25, "target_box": [-40, 15, 10, 35]},
     )
-    return made.write()
+    return pack_maker.write()

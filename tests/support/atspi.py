@@ -100,10 +100,10 @@ class Session:
 
     def close(self) -> None:
         """End all connections."""
-        for one in self._sockets:
+        for item in self._sockets:
             with contextlib.suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
-            one.close()
+                item.shutdown(socket.SHUT_RDWR)
+            item.close()
 
     def _accept(self, listener: socket.socket, name: str) -> None:
         with contextlib.suppress(OSError):
@@ -153,16 +153,16 @@ class Session:
             signature, body = common[member]
             return new_method_return(message, signature or None, body)
         if destination == "org.a11y.atspi.Registry":
-            return new_method_return(message, "a(so)", ([(one, ROOT) for one in self.apps],))
+            return new_method_return(message, "a(so)", ([(result, ROOT) for result in self.apps],))
         app = self.apps.get(destination)
         if app is not None and member in app.silent:
             return None
         if app is not None and member in app.odd:
             return new_method_return(message, "y", (7,))
-        found = None if app is None else self._answer(app, destination, message)
-        if found is None:
+        outcome = None if app is None else self._answer(app, destination, message)
+        if outcome is None:
             return new_error(message, "org.freedesktop.DBus.Error.UnknownObject")
-        return new_method_return(message, *found)
+        return new_method_return(message, *outcome)
 
     def _answer(self, app: App, name: str, message: Message) -> tuple[str, tuple[Any, ...]] | None:
         path = message.header.fields[HeaderFields.path]
@@ -170,14 +170,14 @@ class Session:
         if member == "GetItems":
             if app.cached is None:
                 return None
-            return ITEMS, ([_item(app, name, one) for one in app.cached],)
+            return ITEMS, ([_item(app, name, interface) for interface in app.cached],)
         thing = app.things.get(path)
         if thing is None:
             return None
         if member == "Get":
             return _property(thing, name, message.body[1])
         bits = [thing.states & 0xFFFFFFFF, thing.states >> 32]
-        interfaces = [f"org.a11y.atspi.{one}" for one in thing.interfaces]
+        interfaces = [f"org.a11y.atspi.{interface}" for interface in thing.interfaces]
         answers: dict[str, tuple[str, Any]] = {
             "GetChildren": ("a(so)", [(name, child) for child in thing.children]),
             "GetRole": ("u", thing.role),
@@ -199,19 +199,19 @@ class Session:
 
 
 def _property(thing: Thing, name: str, key: str) -> tuple[str, tuple[Any, ...]] | None:
-    known: dict[str, tuple[str, Any]] = {
+    entries: dict[str, tuple[str, Any]] = {
         "Name": ("s", thing.name),
         "ChildCount": ("i", len(thing.children)),
         "Parent": ("(so)", _parent(thing, name)),
     }
-    known |= {one: ("d", value) for one, value in thing.values.items()}
-    return ("v", (known[key],)) if key in known else None
+    entries |= {item: ("d", value) for item, value in thing.values.items()}
+    return ("v", (entries[key],)) if key in entries else None
 
 
 def _item(app: App, name: str, path: str) -> tuple[Any, ...]:
     thing = app.things[path]
     bits = [thing.states & 0xFFFFFFFF, thing.states >> 32]
-    interfaces = [f"org.a11y.atspi.{one}" for one in thing.interfaces]
+    interfaces = [f"org.a11y.atspi.{interface}" for interface in thing.interfaces]
     about = (thing.index, thing.count, interfaces, thing.name, thing.role, "", bits)
     return ((name, path), (name, ROOT), _parent(thing, name), *about)
 
@@ -226,8 +226,8 @@ def _parent(thing: Thing, name: str) -> tuple[str, str]:
 def session(**apps: App) -> Iterator[Session]:
     """A session of these applications; `one` has the bus name `:one`."""
     with tempfile.TemporaryDirectory(prefix="at-") as folder:
-        made = Session(Path(folder), {f":{name}": app for name, app in apps.items()})
+        result = Session(Path(folder), {f":{name}": app for name, app in apps.items()})
         try:
-            yield made
+            yield result
         finally:
-            made.close()
+            result.close()

@@ -44,7 +44,7 @@ REFUSED = {
     "no scope": ("scope is not set", {"scope": ""}),
     "no category": ("category is not set", {"category": ""}),
     "a scope that there is not": (
-        "scope 'obs' does not exist; known: observation, state, transition",
+        "scope 'obs' does not exist; known: action, observation, state, transition",
         {"scope": 'scope: ClassVar[str] = "obs"'},
     ),
     "a scope with a slip": (

@@ -292,7 +292,7 @@ BACKENDS = {
 
 def catalogue() -> dict[str, tuple[str, str, dict[str, str]]]:
     """All kinds by name: the check that finds it, words of the problem (parted by |), slots."""
-    found: dict[str, tuple[str, str, dict[str, str]]] = {}
+    entries: dict[str, tuple[str, str, dict[str, str]]] = {}
     for check, kinds in (
         ("deterministic", {k: ("generator|order|instance", v) for k, v in RANDOM.items()}),
         ("processes", {k: ("in a fresh process", v) for k, v in PROCESS.items()}),
@@ -315,5 +315,5 @@ def catalogue() -> dict[str, tuple[str, str, dict[str, str]]]:
         ("load", REFUSED),
     ):
         for kind, (words, slots) in kinds.items():
-            found[f"{check}: {kind}"] = (check, words, slots)
-    return found
+            entries[f"{check}: {kind}"] = (check, words, slots)
+    return entries

@@ -18,7 +18,7 @@ def picture(shade=0, size=SIZE):
 
 def file(folder, url, text="", **keys):
     """An agent file: pyautogui over chat completions, but for `keys` and `text`."""
-    given = {
+    entries = {
         "model": "m",
         "base_url": url,
         "prompt": "pyautogui",
@@ -27,7 +27,7 @@ def file(folder, url, text="", **keys):
         "timeout": 5,
         **keys,
     }
-    lines = [f"{key}: {value}" for key, value in given.items() if value is not None]
+    lines = [f"{key}: {value}" for key, value in entries.items() if value is not None]
     path = folder / "agent.yaml"
     path.write_text("\n".join([*lines, text]) + "\n")
     return path

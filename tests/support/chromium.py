@@ -124,8 +124,8 @@ class Browser:
     def until(self, expression: str, wanted: Any = True) -> None:
         """Wait until an expression has a value."""
         end = time.monotonic() + 30
-        while (found := self.js(expression)) != wanted:
-            assert time.monotonic() < end, f"{expression} is {found!r}, not {wanted!r}"
+        while (outcome := self.js(expression)) != wanted:
+            assert time.monotonic() < end, f"{expression} is {outcome!r}, not {wanted!r}"
             time.sleep(0.02)
 
     def mouse(self, kind: str, x: float, y: float) -> None:
@@ -134,9 +134,9 @@ class Browser:
         )
 
     def key(self, name: str, code: int, shift: bool = False) -> None:
-        held = {"modifiers": 8 if shift else 0, "windowsVirtualKeyCode": code}
+        entries = {"modifiers": 8 if shift else 0, "windowsVirtualKeyCode": code}
         for kind in ("rawKeyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, **held)
+            self.call("Input.dispatchKeyEvent", type=kind, key=name, code=name, **entries)
 
     def pixels(self) -> np.ndarray:
         """What the window shows, int64 `[H, W, 3]`."""

@@ -45,14 +45,14 @@ def problem(line: str) -> str:
         words = words[1:]
     if not words:
         return ""
-    program, given = words[0], words[1:]
+    program, word = words[0], words[1:]
     if Path(program).name == "hijack":
-        return of_hijack(given) or files(given)
+        return of_hijack(word) or files(word)
     if program == "make":
-        unknown = [name for name in given if "=" not in name and name not in targets()]
+        unknown = [name for name in word if "=" not in name and name not in targets()]
         return f"no target {unknown}" if unknown else ""
     if Path(program).name in ("python", "python3"):
-        return of_python(given)
+        return of_python(word)
     return "" if program in KNOWN else f"what is {program!r}?"
 
 
@@ -66,14 +66,14 @@ def of_hijack(words: Sequence[str]) -> str:
     while rest and isinstance(command, click.Group) and not rest[0].startswith("-"):
         if rest[0] == "...":
             return ""
-        found = command.commands.get(rest[0]) if command is not hijack else None
-        found = found or command.get_command(context, rest[0])
-        if found is None:
+        result = command.commands.get(rest[0]) if command is not hijack else None
+        result = result or command.get_command(context, rest[0])
+        if result is None:
             return f"no command {rest[0]!r}"
-        command, rest = found, rest[1:]
-    known = {name for option in command.params for name in (*option.opts, *option.secondary_opts)}
+        command, rest = result, rest[1:]
+    names = {name for option in command.params for name in (*option.opts, *option.secondary_opts)}
     used = {word.partition("=")[0] for word in rest if re.match(r"--?[a-z]", word)}
-    unknown = sorted(used - known - {"-h", "--help", "--help-all"})
+    unknown = sorted(used - names - {"-h", "--help", "--help-all"})
     return f"hijack {command.name} has no {', '.join(unknown)}" if unknown else ""
 
 
@@ -82,8 +82,8 @@ def of_python(words: Sequence[str]) -> str:
     if words[:1] == ["-m"]:
         if words[1] == "pytest":
             return ""
-        known = re.findall(r"--[a-z-]+", usage(words[1]))
-        unknown = [word for word in words[2:] if word.startswith("--") and word not in known]
+        result = re.findall(r"--[a-z-]+", usage(words[1]))
+        unknown = [word for word in words[2:] if word.startswith("--") and word not in result]
         return f"{words[1]} has no {unknown}" if unknown else ""
     scripts = [word for word in words if word.endswith(".py")]
     return "" if scripts and (ROOT / scripts[0]).is_file() else f"no file {scripts}"
@@ -93,10 +93,10 @@ def of_python(words: Sequence[str]) -> str:
 def usage(module: str) -> str:
     """What a module prints for `--help`."""
     command = [sys.executable, "-m", module, "--help"]
-    done = subprocess.run(
+    process = subprocess.run(
         command, capture_output=True, text=True, timeout=60, env=surroundings(True, ROOT)
     )
-    return done.stdout
+    return process.stdout
 
 
 def files(words: Sequence[str]) -> str:

@@ -65,13 +65,13 @@ class Block:
 
 def blocks_of(page: Path) -> list[Block]:
     """All blocks of a page, in order."""
-    found: list[Block] = []
+    items: list[Block] = []
     for match in _FENCE.finditer(page.read_text(encoding="utf-8")):
         language, _, more = match[2].strip().partition(" ")
         kind, _, words = more.partition(" ")
         text = "".join(line.removeprefix(match[1]) for line in match[3].splitlines(keepends=True))
-        found.append(Block(page, len(found), language, kind, words, text))
-    return found
+        items.append(Block(page, len(items), language, kind, words, text))
+    return items
 
 
 def python_blocks(kind: str) -> Iterator[Any]:
@@ -145,7 +145,7 @@ def surroundings(active: bool, folder: Path) -> dict[str, str]:
 
 def run_python(code: str, folder: Path) -> str:
     """Run a block with warnings as errors; returns what it printed."""
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-W", "error", "-c", code],
         cwd=prepared(clone(folder)),
         env=surroundings(True, folder),
@@ -153,8 +153,8 @@ def run_python(code: str, folder: Path) -> str:
         text=True,
         timeout=600,
     )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    assert process.returncode == 0, process.stderr
+    return process.stdout
 
 
 def prepared(folder: Path) -> Path:

@@ -120,9 +120,9 @@ def both_pictures_and_hash(run):
     picture(MARKS, "0001.png")(run)
     rows = read_lines(folder / "steps.jsonl")
     clean = np.array(Image.open(folder / "frames/0001.png"))
-    seen = apply(Plan.from_data(rows[1]["plan"]), clean)
-    Image.fromarray(seen).save(folder / "frames/0001.seen.png")
-    rows[1] |= {"image_sha256": pixel_sha256(clean), "seen_sha256": pixel_sha256(seen)}
+    calls = apply(Plan.from_data(rows[1]["plan"]), clean)
+    Image.fromarray(calls).save(folder / "frames/0001.seen.png")
+    rows[1] |= {"image_sha256": pixel_sha256(clean), "seen_sha256": pixel_sha256(calls)}
     write_lines(folder / "steps.jsonl", rows)
 
 

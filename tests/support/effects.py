@@ -93,7 +93,7 @@ class WithSudo(Around):
                 *argv[1:],
             ]
             inside[5:] = [word.replace("/usr/sbin:/sbin", str(self.folder)) for word in inside[5:]]
-            done = subprocess.run(
+            process = subprocess.run(
                 inside,
                 capture_output=True,
                 text=True,
@@ -103,9 +103,9 @@ class WithSudo(Around):
             )
             return RunResult(
                 "success",  # it ran, whatever it returned
-                done.stdout,
-                done.stderr,
-                done.returncode,
+                process.stdout,
+                process.stderr,
+                process.returncode,
             )
         return self.desktop.execute(argv, timeout)
 
@@ -113,11 +113,11 @@ class WithSudo(Around):
 @contextlib.contextmanager
 def applied(effect, desktop, **options):
     """An effect that is surely undone."""
-    done = perform(effect, desktop, **options)
+    result = perform(effect, desktop, **options)
     try:
-        yield done
+        yield result
     finally:
-        assert done.undo().ok
+        assert result.undo().ok
 
 
 def windows(desktop):

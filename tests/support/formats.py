@@ -179,13 +179,13 @@ def screenagent(folder: Path, shots: Shots = SMALL) -> Path:
 
 def webvoyager(folder: Path, shots: Shots = SMALL) -> Path:
     """WebVoyager: marks, no coordinates."""
-    asked = [
+    requests = [
         {"type": "text", "text": "Now given a task: Find it.  Please interact with https://x.org"}
     ]
     typed = {"role": "assistant", "content": "Thought: a\n\nAction: Type [2]; green tea"}
     messages = [
         {"role": "system", "content": "be a robot"},
-        {"role": "user", "content": asked},
+        {"role": "user", "content": requests},
         *[
             message
             for _ in shots.clicks
@@ -207,8 +207,8 @@ def openai(folder: Path, shots: Shots = SMALL) -> Path:
         return {"type": "computer_call", "call_id": f"c{number}", "action": action}
 
     def output(number: int, kind: str = "input_image") -> dict[str, Any]:
-        shown = {"type": kind, "image_url": shots.url(number)}
-        return {"type": "computer_call_output", "call_id": f"c{number}", "output": shown}
+        entries = {"type": kind, "image_url": shots.url(number)}
+        return {"type": "computer_call_output", "call_id": f"c{number}", "output": entries}
 
     clicks = [{"type": "click", "button": "left", "x": x, "y": y} for x, y in shots.pixels]
     items = [
@@ -226,10 +226,10 @@ def openai(folder: Path, shots: Shots = SMALL) -> Path:
 def anthropic(folder: Path, shots: Shots = SMALL) -> Path:
     """Anthropic: messages, in one JSON body."""
 
-    def use(name: str, given: dict[str, Any]) -> dict[str, Any]:
+    def use(name: str, options: dict[str, Any]) -> dict[str, Any]:
         return {
             "role": "assistant",
-            "content": [{"type": "tool_use", "id": name, "name": "computer", "input": given}],
+            "content": [{"type": "tool_use", "id": name, "name": "computer", "input": options}],
         }
 
     def result(name: str, number: int) -> dict[str, Any]:
@@ -245,8 +245,8 @@ def anthropic(folder: Path, shots: Shots = SMALL) -> Path:
         {"role": "user", "content": "do it"},
         *[
             message
-            for i, given in enumerate([{"action": "screenshot"}, *clicks])
-            for message in (use(f"t{i}", given), result(f"t{i}", i))
+            for i, options in enumerate([{"action": "screenshot"}, *clicks])
+            for message in (use(f"t{i}", options), result(f"t{i}", i))
         ],
         use("end", {"action": "key", "text": "ctrl+s"}),
     ]
@@ -324,8 +324,8 @@ def chat_calls(folder: Path, shots: Shots = SMALL) -> Path:
         {"role": "user", "content": [{"type": "text", "text": "do it"}]}
     ]
     for index, point in enumerate(shots.points(1000, 1000)):
-        given = {"actions": [{"action": "click", "coordinate": list(point), "button": "left"}]}
-        call = {"type": "function", "function": {"name": "computer", "arguments": given}}
+        entries = {"actions": [{"action": "click", "coordinate": list(point), "button": "left"}]}
+        call = {"type": "function", "function": {"name": "computer", "arguments": entries}}
         messages.append({"role": "tool", "content": [{"type": "image", "index": index}]})
         messages.append({"role": "assistant", "content": [], "tool_calls": [call]})
     messages.append({"role": "tool", "content": [{"type": "image", "index": len(shots.clicks)}]})
@@ -407,8 +407,8 @@ def cua(folder: Path, shots: Shots = SMALL) -> Path:
     for turn, action in enumerate([{"type": "screenshot"}, *clicks, {"type": "wait"}]):
         place = home / f"turn_{turn:03d}"
         write_json(place / f"{number:04d}_agent_response.json", {"model": "m", "response": {}})
-        shown = min(turn, len(clicks))
-        (place / f"{number + 1:04d}_screenshot_after.png").write_bytes(shots.picture(shown))
+        smallest = min(turn, len(clicks))
+        (place / f"{number + 1:04d}_screenshot_after.png").write_bytes(shots.picture(smallest))
         item = {"type": "computer_call", "call_id": f"c{turn}", "action": action}
         write_json(
             place / f"{number + 2:04d}_computer_call_result.json", {"item": item, "result": []}
@@ -424,18 +424,18 @@ def atif(folder: Path, shots: Shots = SMALL) -> Path:
     names = [f"images/{i}.png" for i in range(len(shots.clicks) + 1)]
     (home / "images").mkdir(parents=True)
     shots.files(home, names)
-    shown = [
+    values = [
         {"type": "image", "source": {"media_type": "image/png", "path": name}} for name in names
     ]
     steps: list[Any] = [
-        {"step_id": 1, "source": "user", "message": [{"type": "text", "text": "do it"}, shown[0]]}
+        {"step_id": 1, "source": "user", "message": [{"type": "text", "text": "do it"}, values[0]]}
     ]
     calls = [{"action": "left_click", "coordinate": [x, y]} for x, y in shots.pixels]
     for number, arguments in enumerate([*calls, {"action": "wait", "duration": 1}]):
         call = {"tool_call_id": "c", "function_name": "computer", "arguments": arguments}
         step = {"step_id": number + 2, "source": "agent", "message": "", "tool_calls": [call]}
         if number < len(calls):
-            result = {"source_call_id": "c", "content": [shown[number + 1]]}
+            result = {"source_call_id": "c", "content": [values[number + 1]]}
             step["observation"] = {"results": [result]}
         steps.append(step)
     agent = {"name": "a-model", "version": "1"}

@@ -38,7 +38,7 @@ def frame_of(
     action = hj.Action("click", 100, 50) if action is None else action
     elements = tuple(tuple(box) for box in boxes) if recorded else ()
     step = hj.Step(len(before), "0.png", action, elements=elements)
-    steps = (*(hj.Step(k, "0.png", done) for k, done in enumerate(before)), step)
+    steps = (*(hj.Step(k, "0.png", value) for k, value in enumerate(before)), step)
     trajectory = RecordedTrajectory(
         "t", "jsonl", instruction, steps, domain, apps, screen=screen, platform=platform
     )

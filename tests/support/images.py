@@ -30,7 +30,7 @@ def fill(folder: Path, text: str = "hello") -> Manifest:
 def publish(text: str = "hello", name: str = "tiny") -> Path:
     """An image in the cache of the environment; returns its folder."""
     with cache.cache_lock(print) as folder, cache.build_folder(folder) as fresh:
-        found = fill(fresh, text)
-        made = cache.publish(fresh, found)
-        cache.write_name(folder, name, found.id)
-    return made
+        result = fill(fresh, text)
+        value = cache.publish(fresh, result)
+        cache.write_name(folder, name, result.id)
+    return value

@@ -84,8 +84,8 @@ def check_inserted(row: dict[str, Any], clean: dict[str, Any]) -> None:
     else:
         (x, y), whole = paste.at[0], asset.size == asset.screen
     scale = row["width"] / asset.screen[1] if whole else 1
-    wanted = (np.array(box) + np.array([x, y, x, y])) * scale
-    assert np.abs(np.array(row["target_box"]) - wanted).max() <= 0.5
+    expected = (np.array(box) + np.array([x, y, x, y])) * scale
+    assert np.abs(np.array(row["target_box"]) - expected).max() <= 0.5
     assert action.x is not None
     assert abs(row["action"]["x"] - (action.x + x) * scale) <= 0.5
     if scale == 1:

@@ -34,16 +34,16 @@ class Without:
 def watched(act: Callable[[], Any]) -> dict[str, Any]:
     """What comes of `act`: `code` (of the exit, or `None`), `error` (types and text), `printed`."""
     out = io.StringIO()
-    done: dict[str, Any] = {"code": None, "error": ""}
+    entries: dict[str, Any] = {"code": None, "error": ""}
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         try:
             act()
         except SystemExit as end:
-            done["code"] = end.code or 0
+            entries["code"] = end.code or 0
         except BaseException as error:  # noqa: BLE001
-            done["error"] = f"{[base.__name__ for base in type(error).__mro__]} {error}"
+            entries["error"] = f"{[base.__name__ for base in type(error).__mro__]} {error}"
             traceback.print_exc(file=out)
-    return {**done, "printed": out.getvalue()}
+    return {**entries, "printed": out.getvalue()}
 
 
 def pretend(system: str, functions: Sequence[str]) -> None:

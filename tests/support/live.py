@@ -134,8 +134,8 @@ class Mark(LiveEffect):
 
     def probe(self, guest, record):
         guest.desktop.happens("probe")
-        there = "marked" in guest.desktop.state
-        return Probe(there, {}, "" if there else "nothing is marked")
+        result = "marked" in guest.desktop.state
+        return Probe(result, {}, "" if result else "nothing is marked")
 
     def undo(self, guest, record):
         guest.desktop.happens("undo")

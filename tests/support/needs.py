@@ -42,8 +42,8 @@ VERL = "needs verl 0.9 and TransferQueue in an environment of their own, see doc
 def profile_of(program: str) -> str:
     """The profile of desktops that brings a program."""
     package = PACKAGES.get(program, program)
-    found = [name for name, names in packages.PROFILES.items() if package in names]
-    return found[0] if found else "core"
+    matches = [name for name, names in packages.PROFILES.items() if package in names]
+    return matches[0] if matches else "core"
 
 
 def install_line(program: str) -> str:
@@ -154,10 +154,10 @@ def desktop() -> None:
 
 def browser() -> str:
     """The name of the browser of this machine; skips where there is none."""
-    found = next((name for name in BROWSERS if shutil.which(name)), None)
-    if found is None:
+    result = next((name for name in BROWSERS if shutil.which(name)), None)
+    if result is None:
         skip("no browser here", install_line("chromium"))
-    return found
+    return result
 
 
 def network_namespaces() -> None:

@@ -58,8 +58,8 @@ class Clicker:
             3
         )  # above the supervisor and the process that plays: on a node its raylet
         blocked = signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, [])
-        with (folder / SEEN).open("a") as seen:
-            seen.write(f"{parent} {blocked}\n")
+        with (folder / SEEN).open("a") as file:
+            file.write(f"{parent} {blocked}\n")
         if (folder / "kill_me").exists() and first(folder / "killed_me"):
             os.kill(ancestor(2), signal.SIGKILL)  # the process that plays
             time.sleep(60)  # this one ends with it

@@ -17,8 +17,8 @@ def run(name: str, folder: Path) -> Path:
     for module in ("nbclient", "ipykernel"):
         pytest.importorskip(module, reason="needs the extra [dev]; make env")
     command = [sys.executable, str(NOTEBOOKS / "run.py"), name, "--out", str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stderr
+    process = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    assert process.returncode == 0, process.stderr
     return folder / f"{name}.ipynb"
 
 

@@ -97,11 +97,15 @@ class FakeGuest:
                     command = json.loads(body)["command"]
                     code = str(command[-1]).replace("/var/tmp", str(folder))
                     code = code.partition("FAILSAFE = False; ")[2] or code
-                    done = subprocess.run(
+                    process = subprocess.run(
                         [sys.executable, "-c", code], capture_output=True, text=True, check=False
                     )
-                    answer = {"status": "success", "output": done.stdout, "error": done.stderr}
-                    fields = {**answer, "returncode": done.returncode}
+                    answer = {
+                        "status": "success",
+                        "output": process.stdout,
+                        "error": process.stderr,
+                    }
+                    fields = {**answer, "returncode": process.returncode}
                     self._answer(json.dumps(fields).encode(), "application/json")
                 else:
                     self.send_error(404)

@@ -50,8 +50,8 @@ class Firewall:
         os.chmod(f"{process}/root{SOCKET}", 0o600)
         self._listener.listen()
         machine.write_file("/tmp/nft", NFT.encode())
-        done = machine.execute("sudo install -m 755 /tmp/nft /usr/sbin/nft && rm /tmp/nft")
-        assert done.ok, done
+        result = machine.execute("sudo install -m 755 /tmp/nft /usr/sbin/nft && rm /tmp/nft")
+        assert result.ok, result
         threading.Thread(target=self._answer, daemon=True).start()
 
     def _answer(self) -> None:
@@ -61,8 +61,8 @@ class Firewall:
                 with link, link.makefile("rwb") as stream:
                     words, rules = json.loads(stream.read())
                     script = f"printf %s {shlex.quote(rules)} | nft {shlex.join(words)}"
-                    done = network_root.run(self._record, script)
-                    stream.write(json.dumps([done.returncode, done.output, done.error]).encode())
+                    value = network_root.run(self._record, script)
+                    stream.write(json.dumps([value.returncode, value.output, value.error]).encode())
 
     def close(self) -> None:
         self._listener.close()

@@ -151,10 +151,10 @@ def default_seed(root: Path) -> int:
     """Return the number of the commit, so that the next one draws other cases; 0 without git."""
     command = ["git", "-C", str(root), "rev-parse", "--short=8", "HEAD"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        process = subprocess.run(command, capture_output=True, text=True, check=True)
     except (OSError, subprocess.CalledProcessError):
         return 0
-    return int(done.stdout, 16)
+    return int(process.stdout, 16)
 
 
 def is_ignored(file: str, part: str) -> bool:

@@ -35,7 +35,7 @@ class Terminal:
         elif SERVES.match(line):
             self._look(line, where)
         else:
-            done = subprocess.run(
+            result = subprocess.run(
                 ["bash", "-euo", "pipefail", "-c", line],
                 cwd=self.folder,
                 stdin=subprocess.DEVNULL,
@@ -44,7 +44,7 @@ class Terminal:
                 text=True,
                 timeout=900,
             )
-            assert done.returncode == 0, f"{where}\n{done.stdout}\n{done.stderr}"
+            assert result.returncode == 0, f"{where}\n{result.stdout}\n{result.stderr}"
 
     def _look(self, line: str, where: str) -> None:
         """Serve a page, open it, then press Ctrl-C."""
@@ -60,8 +60,8 @@ class Terminal:
         ) as process:
             try:
                 assert process.stdout is not None
-                told = next((said for said in process.stdout if "http://" in said), "")
-                address = re.search(r"http://127\.0\.0\.1:\d+/\S*", told)
+                message = next((output for output in process.stdout if "http://" in output), "")
+                address = re.search(r"http://127\.0\.0\.1:\d+/\S*", message)
                 assert address is not None, f"{where}: says no address"
                 with open_page(address[0]) as page:
                     assert page.status == 200, where

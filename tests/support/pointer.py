@@ -82,18 +82,18 @@ class World:
         self._builtins = types.ModuleType("builtins")  # programs may change them
         vars(self._builtins).update(vars(builtins))
         shell = types.SimpleNamespace(run=self._shell, system=self._shell, Popen=self._shell)
-        other = {name: Elsewhere(self._notes) for name in LIBRARIES}
+        entries = {name: Elsewhere(self._notes) for name in LIBRARIES}
         self._modules = {
             "pyautogui": self._gui,
-            "pyautogui._pyautogui_x11": other["mouse"],
+            "pyautogui._pyautogui_x11": entries["mouse"],
             "subprocess": shell,
             "__main__": self._main,
             "builtins": self._builtins,
-            **other,
+            **entries,
         }
         vars(self._main).update({module.__name__: module for module in STANDARD})
         vars(self._main).update(
-            {"pyautogui": self._gui, "click": self._gui.click, "subprocess": shell, **other},
+            {"pyautogui": self._gui, "click": self._gui.click, "subprocess": shell, **entries},
             __builtins__=vars(self._builtins),
             __main__=self._main,
         )

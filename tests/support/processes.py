@@ -60,8 +60,8 @@ def state(pid: int) -> str:
 
 def guest_server(record: dict) -> int:
     """The guest server of a desktop."""
-    found = [pid for pid in children(record["init"][0]) if comm(pid) == SERVER_PROCESS_NAME]
-    return found[0]
+    matches = [pid for pid in children(record["init"][0]) if comm(pid) == SERVER_PROCESS_NAME]
+    return matches[0]
 
 
 def _read(pid: int, name: str) -> bytes:

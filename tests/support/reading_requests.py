@@ -11,13 +11,13 @@ LENGTH = 32  # characters of a text
 
 def outline(messages):
     """Messages as roles and parts: texts are shortened, pictures are the red of their corner."""
-    found = []
+    items = []
     for message in messages:
         content = message["content"]
         if isinstance(content, str):
             content = [{"type": "text", "text": content}]
-        found.append((message["role"], [_part(part) for part in content]))
-    return found
+        items.append((message["role"], [_part(part) for part in content]))
+    return items
 
 
 def decode_data_url(data):

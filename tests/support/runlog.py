@@ -67,20 +67,20 @@ def episode(folder: Path, corruption: str, score: float) -> dict[str, Any]:
 
 def step(home: Path, k: int, corruption: str) -> dict[str, Any]:
     """Write the frames of one observation and return its line."""
-    seen = f"frames/{k:04d}.seen.png" if corruption != "clean" and k else None
+    calls = f"frames/{k:04d}.seen.png" if corruption != "clean" and k else None
     Image.fromarray(np.full((*SIZE[::-1], 3), 200, np.uint8)).save(home / f"frames/{k:04d}.png")
-    if seen:
-        Image.fromarray(np.full((*SIZE[::-1], 3), 40 * k, np.uint8)).save(home / seen)
+    if calls:
+        Image.fromarray(np.full((*SIZE[::-1], 3), 40 * k, np.uint8)).save(home / calls)
     event = {"step": k, "effect": "minimise", "record": {"windows": 2}}
     return {
         "step": k,
         "image": f"frames/{k:04d}.png",
-        "seen": seen,
-        "plan": {"corruption": corruption} if seen else None,
+        "seen": calls,
+        "plan": {"corruption": corruption} if calls else None,
         "raw": f"pyautogui.click({100 + k}, 50)" if k < 2 else None,
         "code": f"pyautogui.click({100 + k}, 50)" if k < 2 else None,
         "error": None,
-        "events": [event] if seen and k == 1 else [],
+        "events": [event] if calls and k == 1 else [],
     }
 
 

@@ -85,13 +85,13 @@ class _Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         length = int(self.headers.get("content-length", 0))
         body = json.loads(self.rfile.read(length))
-        found = list(pictures_in(body))
+        items = list(pictures_in(body))
         self.seen.requests.append(body)
         self.seen.paths.append(self.path.partition("?")[0])
-        self.seen.pictures.append([picture.shape[:2] for picture in found])
-        self.blind = not found
-        place = middle_of_square(found[-1]) if found else None
-        if self.seen.never_done and found:
+        self.seen.pictures.append([picture.shape[:2] for picture in items])
+        self.blind = not items
+        place = middle_of_square(items[-1]) if items else None
+        if self.seen.never_done and items:
             place = place or (5, 5)
         number = len(self.seen.requests)
         answers = {
@@ -106,10 +106,10 @@ class _Handler(BaseHTTPRequestHandler):
     def _chat(self, body: dict[str, Any], place: Any, number: int) -> None:
         names = [tool["function"]["name"] for tool in body.get("tools", ())]
         message: dict[str, Any] = {"role": "assistant", "content": None}
-        asked = json.dumps(body["messages"])
+        requests = json.dumps(body["messages"])
         if "computer" in names or self.seen.unknown_tool:
             message["tool_calls"] = [_function_call(names, place, number, self.seen)]
-        elif "coordinate of one point" in asked:
+        elif "coordinate of one point" in requests:
             message["content"] = str(place)
         elif "agent-s" in body["model"]:
             message["content"] = _grounded(place)
@@ -197,8 +197,8 @@ class _Handler(BaseHTTPRequestHandler):
             where = {"coordinate": place}
             block = {**use, "name": "left_click", "toolset_name": "computer", "input": where}
         else:
-            given = {"action": "left_click", "coordinate": place}
-            block = {**use, "name": "computer", "input": given}
+            options = {"action": "left_click", "coordinate": place}
+            block = {**use, "name": "computer", "input": options}
         answer = {
             "id": f"msg_{number}",
             "type": "message",
@@ -247,15 +247,15 @@ class _Handler(BaseHTTPRequestHandler):
 
 def _function_call(names: list[str], place: Any, number: int, seen: Endpoint) -> dict[str, Any]:
     """A call of the function `computer`, of `submit` at the end, or of one that nobody has."""
-    name, given = "computer", {"action": "left_click", "coordinate": place}
+    name, entries = "computer", {"action": "left_click", "coordinate": place}
     if seen.unknown_tool:
         name = "no_such_tool"
     elif place is None and "submit" in names:
-        name, given = "submit", {"answer": "DONE"}
+        name, entries = "submit", {"answer": "DONE"}
     return {
         "id": f"call_{number}",
         "type": "function",
-        "function": {"name": name, "arguments": json.dumps(given)},
+        "function": {"name": name, "arguments": json.dumps(entries)},
     }
 
 

@@ -50,10 +50,10 @@ class Web:
 
     def links(self, url: str, begin: str, **query: Any) -> list[str]:
         """Where links that begin so lead, in their order, each once and without the beginning."""
-        found = re.findall(
+        result = re.findall(
             rf'href="{re.escape(html.escape(begin))}([^"]+)"', self.get(url, **query).text
         )
-        return list(dict.fromkeys(html.unescape(one) for one in found))
+        return list(dict.fromkeys(html.unescape(item) for item in result))
 
 
 @contextlib.contextmanager

@@ -26,16 +26,16 @@ def tokenizer() -> Any:
     from transformers import Qwen2Tokenizer
 
     letters = sorted(pre_tokenizers.ByteLevel.alphabet())
-    made = Qwen2Tokenizer(
+    qwen2_tokenizer = Qwen2Tokenizer(
         vocab={letter: number for number, letter in enumerate(letters)},
         merges=[],
         eos_token="<|im_end|>",
         pad_token="<|endoftext|>",
         unk_token=None,
     )
-    made.add_special_tokens({"additional_special_tokens": SPECIAL})
-    made.add_tokens(PLAIN)
-    return made
+    qwen2_tokenizer.add_special_tokens({"additional_special_tokens": SPECIAL})
+    qwen2_tokenizer.add_tokens(PLAIN)
+    return qwen2_tokenizer
 
 
 def processor(template: str, max_pixels: int = 64 * 64 * 16) -> Any:
@@ -46,10 +46,10 @@ def processor(template: str, max_pixels: int = 64 * 64 * 16) -> Any:
         **PATCHES, size={"shortest_edge": 32 * 32, "longest_edge": max_pixels}
     )
     videos = Qwen3VLVideoProcessor(**PATCHES)
-    made = Qwen3VLProcessor(images, tokenizer(), videos, chat_template=template)
-    made.tokenizer.chat_template = template
-    made.tokenizer.padding_side = "left"
-    return made
+    qwen3_vlprocessor = Qwen3VLProcessor(images, tokenizer(), videos, chat_template=template)
+    qwen3_vlprocessor.tokenizer.chat_template = template
+    qwen3_vlprocessor.tokenizer.padding_side = "left"
+    return qwen3_vlprocessor
 
 
 def model(words: Any, seed: int = 0) -> Any:

@@ -81,9 +81,9 @@ class Room(FakeStage):
     """Tasks with instructions of their own."""
 
     def reset(self, task: Any, seed: int) -> Setting:
-        found = super().reset(task, seed)
+        result = super().reset(task, seed)
         words = INSTRUCTIONS.get(str(task), f"Do what {task} says")
-        return Setting(found.id, words, found.apps, found.infeasible, found.seed)
+        return Setting(result.id, words, result.apps, result.infeasible, result.seed)
 
 
 class Speaker:

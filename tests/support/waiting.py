@@ -15,11 +15,11 @@ PATIENCE = 90.0
 def until(condition: Callable[[], Found], what: str = "it", *, pause: float = 0.05) -> Found:
     """The first true value of `condition`; fails the test where none comes."""
     end = time.monotonic() + PATIENCE
-    while not (found := condition()):
+    while not (result := condition()):
         if time.monotonic() > end:
             pytest.fail(f"waited {PATIENCE:.0f} s in vain for {what}")
         time.sleep(pause)
-    return found
+    return result
 
 
 def still(look: Callable[[], Any], quiet: float = 0.3) -> Any:

@@ -19,8 +19,8 @@ def us_keyboard() -> list[list[int]]:
     rows = [[0] * _WIDTH for _ in range(3)]  # three keys without a symbol
     rows += [[code] * 2 + [0, 0] for code in (SHIFT, CAPS_LOCK, RETURN, 0xFF09, 0xFF08, 0xFFE3)]
     for small in range(ord("a"), ord("z") + 1):
-        other = {ord("z"): ord("y"), ord("y"): ord("z")}.get(small, small)
-        rows.append([small, small - 32, other, other - 32])
+        second = {ord("z"): ord("y"), ord("y"): ord("z")}.get(small, small)
+        rows.append([small, small - 32, second, second - 32])
     for pair in ("1!", "2@", ",<", ".>", "  ", "/?", "-_", ";:"):
         rows.append([ord(pair[0]), ord(pair[1]), 0, 0])
     return rows

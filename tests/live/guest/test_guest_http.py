@@ -101,10 +101,10 @@ def test_wrong_token_and_reset(session):
         pytest.raises(MissingCapabilityError, match="resetter"),
     ):
         desktop.reset()
-    asked = []
-    with HttpDesktop(session.url, session.token, resetter=asked.append) as desktop:
+    requests = []
+    with HttpDesktop(session.url, session.token, resetter=requests.append) as desktop:
         desktop.reset({"id": "t"})
-        assert asked == [{"id": "t"}]
+        assert requests == [{"id": "t"}]
         assert desktop.screenshot().any()
 
 

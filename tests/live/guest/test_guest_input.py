@@ -199,30 +199,30 @@ def code(session, text):
 
 def test_pyautogui_types_what_the_real_one_does_not(editor, eventually):
     clear(editor)
-    done = code(
+    result = code(
         editor,
         f"pyautogui.PAUSE = 0; pyautogui.write({MIXED!r}); pyautogui.press('enter');"
         " pyautogui.press(['a', '<', 'é'])",
     )
-    assert done["returncode"] == 0, done
+    assert result["returncode"] == 0, result
     eventually("the text", lambda: content(editor) == MIXED + "\na<é")
 
 
 def test_pyautogui_hotkeys_and_hold(editor, eventually):
     clear(editor)
-    done = code(
+    result = code(
         editor,
         "pyautogui.PAUSE = 0; pyautogui.write('abc'); pyautogui.hotkey('ctrl', 'a');"
         " pyautogui.hotkey(['ctrl', 'c']);pyautogui.press('right'); pyautogui.hotkey('Ctrl', 'v');"
         " pyautogui.typewrite(['left', 'backspace', 'X'])",
     )
-    assert done["returncode"] == 0, done
+    assert result["returncode"] == 0, result
     eventually("copied and pasted", lambda: content(editor) == "abcaXc")
-    held = (
+    text = (
         "\nwith pyautogui.hold('shift'):\n    pyautogui.press(['left',"
         " 'left'])\npyautogui.press('z')"
     )
-    assert code(editor, held)["returncode"] == 0
+    assert code(editor, text)["returncode"] == 0
     eventually("two letters replaced", lambda: content(editor) == "abczc")
 
 
@@ -293,12 +293,12 @@ def test_pyautogui_has_the_names_agents_use(session):
 
 
 def test_wrappers_work_from_a_shell_too(session):
-    found = session.execute(
+    result = session.execute(
         "for p in python python3 google-chrome; do command -v $p; done;"
         "python3 -c 'import pyautogui; print(pyautogui.__file__)'"
     )
     tools = session.folder / "tools"
-    assert found["output"].splitlines()[:3] == [
+    assert result["output"].splitlines()[:3] == [
         str(tools / "bin" / name) for name in ("python", "python3", "google-chrome")
     ]
-    assert found["output"].splitlines()[3].endswith("shim/pyautogui.py")
+    assert result["output"].splitlines()[3].endswith("shim/pyautogui.py")

@@ -68,19 +68,19 @@ def test_dialect(clean, eventually):
     assert bar.get(f"{VAL}value") is None or float(bar.get(f"{VAL}max")) >= float(
         bar.get(f"{VAL}value")
     )
-    known = {f"{ST}{name}" for name in STATES}
-    assert {key for node in root.iter() for key in node.attrib if key.startswith(ST)} <= known
+    names = {f"{ST}{name}" for name in STATES}
+    assert {key for node in root.iter() for key in node.attrib if key.startswith(ST)} <= names
 
 
 def test_elements_can_be_read_and_are_on_the_screen(clean):
     clean.launch("mousepad", title="Mousepad")
-    found = elements(clean)
-    assert {"File", "Edit"} <= set(found.names)
+    result = elements(clean)
+    assert {"File", "Edit"} <= set(result.names)
     width, height = clean.screen
-    assert (found.boxes >= 0).all()
-    assert (found.boxes[:, 2] <= width).all()
-    assert (found.boxes[:, 3] <= height).all()
-    assert "Applications" in found.names  # the panel
+    assert (result.boxes >= 0).all()
+    assert (result.boxes[:, 2] <= width).all()
+    assert (result.boxes[:, 3] <= height).all()
+    assert "Applications" in result.names  # the panel
 
 
 def test_what_another_window_covers_is_not_showing(clean, eventually):
@@ -140,11 +140,11 @@ def test_menus_cover_what_is_below_and_show_their_items(clean, eventually):
     items = "//application[@name='mousepad']//menu[@name='File']//menu-item"
     assert not clean.shown(items)
     clean.click_on("//application[@name='mousepad']//menu[@name='File']")
-    shown = eventually("the items", lambda: clean.shown(items))
-    names = [node.get("name") for node in shown]
+    result = eventually("the items", lambda: clean.shown(items))
+    names = [node.get("name") for node in result]
     assert any("Save" in name for name in names)
     assert clean.shown("//application[@name='mousepad']//menu[@name='File']")
-    new = next(node for node in shown if node.get("name").startswith("New"))
+    new = next(node for node in result if node.get("name").startswith("New"))
     assert pair(new, "size")[1] > 10
     clean.input({"type": "key", "key": "esc"})
     eventually("no items", lambda: not clean.shown(items))
@@ -168,8 +168,10 @@ def test_items_of_a_file_manager(clean, eventually):
     )
     clean.execute("mkdir -p ~/shelf && touch ~/shelf/apple.txt ~/shelf/pear.txt")
     clean.launch("thunar", str(clean.home / "shelf"), title="shelf")
-    found = eventually("the files", lambda: {"apple.txt", "pear.txt"} <= set(elements(clean).names))
-    assert found
+    result = eventually(
+        "the files", lambda: {"apple.txt", "pear.txt"} <= set(elements(clean).names)
+    )
+    assert result
 
 
 def test_icons_of_the_desktop_are_where_they_look(clean, eventually):
@@ -198,11 +200,11 @@ def test_huge_folder_is_cut(clean, eventually):
 
 def test_stopped_application_does_not_hold_up_the_others(clean, eventually):
     stopped = clean.launch("mousepad", title="Mousepad")
-    other = clean.launch("thunar", "/usr", title="Thunar")
+    second = clean.launch("thunar", "/usr", title="Thunar")
     # Side by side: both remember the size that they had in another test, and one would cover the
     # other.
     clean.act("place", id=stopped["id"], box=[20, 60, 620, 560])
-    clean.act("place", id=other["id"], box=[660, 60, 1260, 560])
+    clean.act("place", id=second["id"], box=[660, 60, 1260, 560])
 
     def told():
         """The applications that have something to show; and what is said of those that do not
@@ -254,13 +256,13 @@ def read_twice(bus: str, display: str, uid: int, answers: Connection) -> None:
     directly = AccessibilityTree(bus, windows)
     directly.read()
     first = directly.read()
-    asked = sum(map(directly._reader.wire.is_direct, directly._reader._asked_in))
+    requests = sum(map(directly._reader.wire.is_direct, directly._reader._asked_in))
     lose_when_asked(directly._reader.wire)
     after_a_loss = directly.read()
     BusClient.connect = lambda *arguments: None
     over_the_bus = AccessibilityTree(bus, windows)
     over_the_bus.read()
-    answers.send((asked, first, after_a_loss, over_the_bus.read()))
+    answers.send((requests, first, after_a_loss, over_the_bus.read()))
 
 
 def test_the_tree_is_the_same_directly_and_over_the_bus(clean, eventually):
@@ -269,19 +271,19 @@ def test_the_tree_is_the_same_directly_and_over_the_bus(clean, eventually):
     clean.launch("thunar", "/usr", title="Thunar")
     eventually("Thunar", lambda: clean.shown("//application[contains(@name, 'hunar')]//*"))
     bus, display = clean.execute("echo $DBUS_SESSION_BUS_ADDRESS $DISPLAY")["output"].split()
-    here, there = multiprocessing.Pipe(duplex=False)
-    arguments = (bus, display, clean.account.pw_uid, there)
+    here, value = multiprocessing.Pipe(duplex=False)
+    arguments = (bus, display, clean.account.pw_uid, value)
     reader = multiprocessing.get_context("fork").Process(target=read_twice, args=arguments)
     reader.start()
-    there.close()
-    asked, directly, after_a_loss, over_the_bus = here.recv()
+    value.close()
+    requests, directly, after_a_loss, over_the_bus = here.recv()
     reader.join()
-    assert asked >= 3  # Mousepad and Thunar, the panel ...
+    assert requests >= 3  # Mousepad and Thunar, the panel ...
 
     def subtrees(text):
         root = etree.fromstring(text.encode())
-        found = {app.get("name").lower(): etree.tostring(app) for app in root.iter("application")}
-        return {name: found[name] for name in ("mousepad", "thunar")}
+        entries = {app.get("name").lower(): etree.tostring(app) for app in root.iter("application")}
+        return {name: entries[name] for name in ("mousepad", "thunar")}
 
     assert subtrees(directly) == subtrees(after_a_loss) == subtrees(over_the_bus)
 
@@ -290,13 +292,13 @@ def test_the_connection_to_an_application_that_ends_is_closed(clean, eventually)
     """Otherwise the server keeps a socket of each application that ever was."""
 
     def sockets():
-        found = 0
+        result = 0
         for process in Path("/proc").glob("[0-9]*"):
             with contextlib.suppress(OSError):
                 if str(clean.token_file).encode() in (process / "cmdline").read_bytes():
                     targets = [os.readlink(file) for file in (process / "fd").iterdir()]
-                    found += sum(target.startswith("socket:") for target in targets)
-        return found
+                    result += sum(target.startswith("socket:") for target in targets)
+        return result
 
     clean.tree()
     clean.tree()
@@ -347,11 +349,11 @@ def test_chromium_page(clean, eventually):
         f"file://{clean.home}/site/i.html",
         title="Shop",
     )
-    found = eventually(
+    result = eventually(
         "the page",
         lambda: clean.shown("//application[@name='Chromium']//push-button[@name='Buy now']"),
     )
-    assert pair(found[0], "size")[0] > 20
+    assert pair(result[0], "size")[0] > 20
     clean.click_on("//application[@name='Chromium']//entry[@name='Code']")
     clean.input({"type": "type", "text": "ä<€>你😀"})
     eventually(

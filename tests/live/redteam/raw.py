@@ -36,8 +36,8 @@ def frame(mac):
     ends = socket.inet_aton(ME) + socket.inet_aton(SITE)
     head = struct.pack(">BBHHHBBH", *parts, 0) + ends
     head = struct.pack(">BBHHHBBH", *parts, checksum(head)) + ends
-    own = bytes.fromhex(Path("/sys/class/net/eth0/address").read_text().strip().replace(":", ""))
-    return mac + own + b"\x08\x00" + head + udp
+    result = bytes.fromhex(Path("/sys/class/net/eth0/address").read_text().strip().replace(":", ""))
+    return mac + result + b"\x08\x00" + head + udp
 
 
 try:

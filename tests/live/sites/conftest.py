@@ -131,19 +131,19 @@ class Page(HTMLParser):
         self.problems += [f"id {name} occurs {n} times" for name, n in self.ids.items() if n > 1]
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        found = dict(attrs)
+        entries = dict(attrs)
         self.seen[tag] += 1
-        if len(found) < len(attrs):
+        if len(entries) < len(attrs):
             self.problems.append(f"<{tag}> has an attribute twice: {attrs}")
-        self.links |= {v for k in ("href", "src", "action") if (v := found.get(k))}
-        self.ids.update([found["id"]] if found.get("id") else [])
-        if tag == "img" and "alt" not in found:
-            self.problems.append(f"picture without alt: {found.get('src')}")
-        if tag == "label" and found.get("for"):
-            self.labels.add(str(found["for"]))
-        if tag in ("input", "select", "textarea") and found.get("type") != "hidden":
-            self.controls.append({**found, "inside": "label" if "label" in self.open else None})
-        if any(k.startswith("on") for k in found):
+        self.links |= {v for k in ("href", "src", "action") if (v := entries.get(k))}
+        self.ids.update([entries["id"]] if entries.get("id") else [])
+        if tag == "img" and "alt" not in entries:
+            self.problems.append(f"picture without alt: {entries.get('src')}")
+        if tag == "label" and entries.get("for"):
+            self.labels.add(str(entries["for"]))
+        if tag in ("input", "select", "textarea") and entries.get("type") != "hidden":
+            self.controls.append({**entries, "inside": "label" if "label" in self.open else None})
+        if any(k.startswith("on") for k in entries):
             self.problems.append(f"<{tag}> has a script inside, which the security policy forbids")
         if tag not in VOID and tag not in SVG_VOID:
             self.open.append(tag)
@@ -171,12 +171,12 @@ class Page(HTMLParser):
 
 def crawl(web: Internet) -> dict[str, Any]:
     """Every page and file that can be reached from the front pages, by address."""
-    waiting, found = [f"http://{host}/" for host in HOSTS], {}
+    waiting, entries = [f"http://{host}/" for host in HOSTS], {}
     while waiting:
         url = waiting.pop()
-        if url in found:
+        if url in entries:
             continue
-        found[url] = reply = web.get(url)
+        entries[url] = reply = web.get(url)
         if reply.headers.get("content-type", "").startswith("text/html"):
             links = {urljoin(url, link).split("#")[0] for link in Page(reply.text).links}
             # Where a form is posted to is no page; what it leads to is tested with the forms.
@@ -186,7 +186,7 @@ def crawl(web: Internet) -> dict[str, Any]:
                 if urlsplit(u).path not in ("/cart/add", "/cart/update", "/send")
                 and not re.search(r"/message/\w+/\w+$", u)
             ]
-    return found
+    return entries
 
 
 @pytest.fixture(scope="session")
@@ -196,9 +196,9 @@ def everything(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     servers = serve(tmp_path_factory.mktemp("crawl"))
     web = next(servers)
     web.post("http://shop.test/cart/add", product="kettle", quantity="1")
-    found = crawl(web)
+    result = crawl(web)
     assert next(servers, None) is None
-    return found
+    return result
 
 
 @pytest.fixture(scope="session")

@@ -16,9 +16,9 @@ def test_a_registration_is_stored_and_confirmed(fresh: Any, registration: dict[s
     stored = {**registration, "interests": ["carpool", "volunteer"], "number": 1001}
     del stored["agree"]
     assert fresh.state.read("forms") == {"registrations": [stored]}
-    shown = fresh.get("http://forms.test/registrations/1001").text
-    assert "Zoë O&#39;Neill" in shown
-    assert "Ω &lt; ω" in shown
+    text = fresh.get("http://forms.test/registrations/1001").text
+    assert "Zoë O&#39;Neill" in text
+    assert "Ω &lt; ω" in text
     assert fresh.get("http://forms.test/registrations/1002").status_code == 404
 
 
@@ -80,8 +80,8 @@ def test_a_registration_is_found_changed_and_cancelled(
     fresh.post(f"{site}/register", **{**registration, "name": "Other"})
     email = registration["email"]
     assert fresh.get(f"{site}/find?number=1002&email=nobody@mail.test").status_code == 422
-    found = fresh.get(f"{site}/find?number=1002&email={email.upper()}")
-    assert found.headers["location"] == "/registrations/1002"
+    result = fresh.get(f"{site}/find?number=1002&email={email.upper()}")
+    assert result.headers["location"] == "/registrations/1002"
     changed = {**registration, "name": "Other", "course": "pottery"}
     wrong = fresh.post(f"{site}/registrations/1002/change", **{**changed, "email": "x"})
     assert wrong.status_code == 422
@@ -98,13 +98,13 @@ def test_a_registration_is_found_changed_and_cancelled(
 
 
 def test_feedback_is_stored_once_it_is_complete(fresh: Any) -> None:
-    said = {"course": "chess", "rating": "good", "comment": "Ω fine", "quote": "yes"}
-    refused = fresh.post("http://forms.test/feedback", **{**said, "rating": ""})
+    output = {"course": "chess", "rating": "good", "comment": "Ω fine", "quote": "yes"}
+    refused = fresh.post("http://forms.test/feedback", **{**output, "rating": ""})
     assert (refused.status_code, "Ω fine" in refused.text) == (422, True)
-    assert fresh.post("http://forms.test/feedback", **said).headers["location"] == "/thanks"
+    assert fresh.post("http://forms.test/feedback", **output).headers["location"] == "/thanks"
     fresh.post("http://forms.test/feedback", course="chess", rating="poor")
     assert fresh.state.read("forms")["feedback"] == [
-        {**said, "quote": True},
+        {**output, "quote": True},
         {"course": "chess", "rating": "poor", "comment": "", "quote": False},
     ]
 

@@ -16,8 +16,8 @@ SIZE = {"width": 780, "height": 500}  # small, so that a page that is too wide i
 
 @pytest.fixture
 def browser(fresh: Any, tmp_path: Path) -> Iterator[Browser]:
-    with chromium(tmp_path / "profile", rules=f"MAP *.test 127.0.0.1:{fresh.http}") as found:
-        yield found
+    with chromium(tmp_path / "profile", rules=f"MAP *.test 127.0.0.1:{fresh.http}") as result:
+        yield result
 
 
 def test_a_browser_registers_reads_mail_and_loads_everything(fresh: Any, browser: Browser) -> None:

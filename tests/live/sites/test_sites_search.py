@@ -65,7 +65,7 @@ def test_what_is_found_holds_a_word_that_was_asked(text: str) -> None:
 
 def test_plain_text_and_markdown() -> None:
     assert plain("## A *b* `c`\n\n- [d](/e) **f**\n\n| g | h |\n|---|---|\n") == "A b c d f g h"
-    made = render("## Two words\n\n<b>x</b>\n\n## Two")
-    assert made.headings == (("two-words", "Two words"), ("two", "Two"))
-    assert '<h2 id="two-words">' in made.html
-    assert "<b>" not in made.html
+    result = render("## Two words\n\n<b>x</b>\n\n## Two")
+    assert result.headings == (("two-words", "Two words"), ("two", "Two"))
+    assert '<h2 id="two-words">' in result.html
+    assert "<b>" not in result.html

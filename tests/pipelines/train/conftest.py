@@ -94,8 +94,8 @@ class Linear:
         return chances, torch.ones_like(chances, dtype=torch.bool)
 
     def _logits(self, observations: Sequence[AgentObservation]) -> Any:
-        bright = [float(seen["screenshot"].mean()) / 100 for seen in observations]
-        return self.net(torch.tensor([[1.0, each] for each in bright]))
+        bright = [float(observation["screenshot"].mean()) / 100 for observation in observations]
+        return self.net(torch.tensor([[1.0, item] for item in bright]))
 
 
 TASKS = ("say-0", "say-1", "say-2", "say-3", "say-0-0", "say-0-1")

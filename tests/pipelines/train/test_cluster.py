@@ -19,8 +19,8 @@ CLUSTER = ROOT / "examples" / "cluster"
 
 
 def loop(path):
-    (found,) = yaml.safe_load(path.read_text())
-    return found
+    (value,) = yaml.safe_load(path.read_text())
+    return value
 
 
 def test_servers_and_trainer_have_the_same_corruptions():
@@ -33,8 +33,8 @@ def test_what_verl_reads_is_written(tmp_path):
     servers = "http://a:8000,http://b:8000"
     command = [sys.executable, str(CLUSTER / "prepare.py"), servers, str(tmp_path)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    said = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
-    assert "80 training tasks, 52 held out, 2 servers" in said.stdout
+    output = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert "80 training tasks, 52 held out, 2 servers" in output.stdout
     rows = parquet.read_table(tmp_path / "train.parquet").to_pylist()
     assert {row["extra_info"]["task"] for row in rows} == set(members("suite/training"))
     assert loop(tmp_path / "agent.yaml")["environment_args"]["addresses"] == servers.split(",")
@@ -45,10 +45,10 @@ def test_what_verl_reads_is_written(tmp_path):
 )
 def test_without_a_secret_nothing_starts(script, problem):
     environment = {"PATH": os.environ["PATH"]}
-    said = subprocess.run(
+    output = subprocess.run(
         [CLUSTER / script, "http://a:8000"], capture_output=True, text=True, env=environment
     )
-    assert (said.returncode != 0, problem in said.stderr) == (True, True)
+    assert (output.returncode != 0, problem in output.stderr) == (True, True)
 
 
 @pytest.mark.parametrize("script", sorted(CLUSTER.glob("*.s*"), key=str))

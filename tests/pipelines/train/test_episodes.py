@@ -48,8 +48,8 @@ class Plays(gymnasium.Env):
 def begun(env, task="a"):
     episode = DrivenEpisode(lambda: env)
     draw = Draw(label="clean", planner=None, key="k")
-    seen = episode.reset(RolloutRequest(step=0, group=task, slot=0, seed=1, draw=draw))
-    return episode, seen
+    calls = episode.reset(RolloutRequest(step=0, group=task, slot=0, seed=1, draw=draw))
+    return episode, calls
 
 
 def test_what_is_cut_off_is_judged():
@@ -88,17 +88,17 @@ def test_an_environment_that_fails_is_closed_and_its_rollout_left_out(where):
 
 
 def test_a_reset_that_fails_is_tried_once_more():
-    made = []
+    items = []
 
     def make():
-        made.append(Plays(fails=("reset",) if not made else ()))
-        return made[-1]
+        items.append(Plays(fails=("reset",) if not items else ()))
+        return items[-1]
 
     draw = Draw(label="clean", planner=None, key="k")
     request = RolloutRequest(step=0, group="a", slot=0, seed=1, draw=draw)
     episode = DrivenEpisode(make)
     assert episode.reset(request) is SEEN
-    assert [env.closed for env in made] == [1, 0]
+    assert [env.closed for env in items] == [1, 0]
     failing, nothing = begun(Plays(fails=("reset",)))
     assert nothing is None
     assert failing.finish().problem == "reset: OSError: no reset"

@@ -19,9 +19,9 @@ def test_reward_is_success_and_a_penalty():
 
 
 def test_advantage_by_hand():
-    found = group_advantage(torch.tensor([1.0, 0.0, 0.0, -1.0]))
+    result = group_advantage(torch.tensor([1.0, 0.0, 0.0, -1.0]))
     deviation = math.sqrt(2 / 3) + 1e-6
-    assert found.tolist() == pytest.approx([1 / deviation, 0, 0, -1 / deviation])
+    assert result.tolist() == pytest.approx([1 / deviation, 0, 0, -1 / deviation])
 
 
 @pytest.mark.parametrize("value", [0.0, 1.0, 0.1])
@@ -55,9 +55,9 @@ def test_loss_by_hand():
     old = torch.tensor([[-1.0, -1.0, -1.0], [-1.0, -1.0, math.inf]])
     mask = torch.tensor([[True, True, True], [True, True, False]])
     advantages = torch.tensor([1.5, -0.7])
-    found = clipped_loss(new, old, advantages, mask)
+    result = clipped_loss(new, old, advantages, mask)
     rows = zip(new.tolist(), old.tolist(), advantages.tolist(), mask.tolist(), strict=True)
-    assert found.tolist() == pytest.approx([by_hand(*row) for row in rows], rel=1e-5)
+    assert result.tolist() == pytest.approx([by_hand(*row) for row in rows], rel=1e-5)
 
 
 def test_masked_places_have_no_gradient():
@@ -76,11 +76,11 @@ def test_no_gradient_beyond_the_clip():
 
 
 def test_shapes_that_do_not_fit_are_refused():
-    one = torch.zeros(1, 2)
+    result = torch.zeros(1, 2)
     with pytest.raises(ParameterError, match="must be"):
-        clipped_loss(one, one, torch.zeros(2), one.bool())
+        clipped_loss(result, result, torch.zeros(2), result.bool())
     with pytest.raises(ParameterError, match="no tokens"):
-        clipped_loss(one, one, torch.zeros(1), one.bool())
+        clipped_loss(result, result, torch.zeros(1), result.bool())
 
 
 @pytest.mark.skipif(

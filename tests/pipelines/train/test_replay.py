@@ -26,26 +26,26 @@ def rollout(success=0.0, well_formed=True, task="a", step=0, slot=0):
         seed=1,
         draw=Draw(label="marks", planner=hj.Marks(number=3), key="k"),
     )
-    seen = {"screenshot": np.full((4, 4, 3), step, np.uint8), "instruction": task}
+    entries = {"screenshot": np.full((4, 4, 3), step, np.uint8), "instruction": task}
     answer = PolicyAnswer(
         action="x", tokens=(1, 2), logprobs=(-1.0, -2.0), is_well_formed=well_formed
     )
     return Rollout(
         request=request,
-        turns=[PolicyTurn(seen, answer)],
+        turns=[PolicyTurn(entries, answer)],
         success=success,
         is_well_formed=well_formed,
     )
 
 
 def group(*successes, task="a"):
-    return [rollout(each, task=task, slot=slot) for slot, each in enumerate(successes)]
+    return [rollout(value, task=task, slot=slot) for slot, value in enumerate(successes)]
 
 
 def filled(buffer, successes, step=0, task="a", rewards=None):
     rollouts = group(*successes, task=task)
-    found = buffer.fill(rollouts, list(successes) if rewards is None else rewards, step)
-    return [each.replayed for each in found]
+    result = buffer.fill(rollouts, list(successes) if rewards is None else rewards, step)
+    return [item.replayed for item in result]
 
 
 def with_success(**options):
@@ -103,10 +103,10 @@ def test_the_oldest_goes_first():
 def test_a_saved_buffer_is_the_same(tmp_path):
     buffer = with_success()
     buffer.save(tmp_path / "replay.pt", run="one")
-    other = ReplayBuffer()
-    other.load(tmp_path / "replay.pt", run="one")
-    mine, theirs = buffer.state()[0], other.state()[0]
-    picture, same = (each["turns"][0]["observation"].pop("screenshot") for each in (mine, theirs))
+    replay_buffer = ReplayBuffer()
+    replay_buffer.load(tmp_path / "replay.pt", run="one")
+    mine, theirs = buffer.state()[0], replay_buffer.state()[0]
+    picture, same = (item["turns"][0]["observation"].pop("screenshot") for item in (mine, theirs))
     assert mine == theirs
     assert (picture == same).all()
     assert mine == {**rollout_to_data(rollout(1.0, step=7)), "turns": mine["turns"]}
@@ -136,24 +136,24 @@ def test_wrong_options():
 
 def test_everything_that_was_observed_comes_back():
     kept = rollout(1.0)
-    seen = {
+    entries = {
         **kept.turns[0].observation,
         "accessibility_tree": None,
         "dpi": 96,
         "mask": np.eye(3, dtype=np.float32),
     }
-    kept.turns[0] = replace(kept.turns[0], observation=seen)
-    found = rollout_from_data(rollout_to_data(kept)).turns[0].observation
-    assert found.keys() == seen.keys()
-    assert (found["accessibility_tree"], found["dpi"]) == (None, 96)
-    np.testing.assert_array_equal(found["mask"], seen["mask"])
-    np.testing.assert_array_equal(found["screenshot"], seen["screenshot"])
+    kept.turns[0] = replace(kept.turns[0], observation=entries)
+    observation = rollout_from_data(rollout_to_data(kept)).turns[0].observation
+    assert observation.keys() == entries.keys()
+    assert (observation["accessibility_tree"], observation["dpi"]) == (None, 96)
+    np.testing.assert_array_equal(observation["mask"], entries["mask"])
+    np.testing.assert_array_equal(observation["screenshot"], entries["screenshot"])
 
 
 def test_what_a_file_cannot_hold_is_refused():
     kept = rollout(1.0)
-    seen = {**kept.turns[0].observation, "tree": object()}
-    kept.turns[0] = replace(kept.turns[0], observation=seen)
+    entries = {**kept.turns[0].observation, "tree": object()}
+    kept.turns[0] = replace(kept.turns[0], observation=entries)
     with pytest.raises(TrainError, match="observation 'tree' is a object"):
         rollout_to_data(kept)
 

@@ -32,8 +32,8 @@ class Scripted(gymnasium.Env):
         over = self.steps == 2 and not self.endless
         if over:
             self.record = self.final
-        seen = {"screenshot": np.full((2, 2, 3), self.steps, np.uint8), "instruction": "x"}
-        return seen, float(over), over, False, {}
+        entries = {"screenshot": np.full((2, 2, 3), self.steps, np.uint8), "instruction": "x"}
+        return entries, float(over), over, False, {}
 
     def truncate(self):
         self.truncated = True
@@ -114,7 +114,7 @@ def test_draws_depend_on_step_task_and_slot_alone():
         envs = [Scripted() for _ in requests]
         played = play(envs, Says(), requests, max_steps=5)
         return {
-            (each.request.group, each.request.slot): each.turns[0].answer.tokens for each in played
+            (item.request.group, item.request.slot): item.turns[0].answer.tokens for item in played
         }
 
     first = tokens([request(0), request(1), request(0, "b")])
@@ -164,8 +164,8 @@ def test_no_threads_are_refused():
 def test_a_reward_outside_0_to_1_is_no_success(reward):
     class Rewards(Scripted):
         def step(self, action):
-            seen, _, over, cut, info = super().step(action)
-            return seen, reward, over, cut, info
+            calls, _, over, cut, info = super().step(action)
+            return calls, reward, over, cut, info
 
     policy = Says()
     bad, good = play([Rewards(), Scripted()], policy, [request(0), request(1)], max_steps=5)

@@ -38,23 +38,23 @@ def test_odds_are_kept():
 
 
 def test_rollouts_of_a_group_differ():
-    found = labels(CorruptionSampler(KINDS))
-    groups = [{found[step, "a", slot] for slot in range(4)} for step in range(40)]
+    result = labels(CorruptionSampler(KINDS))
+    groups = [{result[step, "a", slot] for slot in range(4)} for step in range(40)]
     assert max(map(len, groups)) == 3
 
 
 def test_a_group_has_one_corruption():
-    found = labels(CorruptionSampler(KINDS, per="group"))
+    result = labels(CorruptionSampler(KINDS, per="group"))
     for step in range(40):
-        assert len({found[step, "a", slot] for slot in range(4)}) == 1
-    assert len(set(found.values())) == 3
+        assert len({result[step, "a", slot] for slot in range(4)}) == 1
+    assert len(set(result.values())) == 3
 
 
 def test_a_worker_keeps_its_corruption():
-    found = labels(CorruptionSampler(KINDS, per="worker"), slots=16)
+    result = labels(CorruptionSampler(KINDS, per="worker"), slots=16)
     for slot in range(16):
-        assert len({label for key, label in found.items() if key[2] == slot}) == 1
-    assert len(set(found.values())) == 3
+        assert len({label for key, label in result.items() if key[2] == slot}) == 1
+    assert len(set(result.values())) == 3
 
 
 def test_clean_and_nested():
@@ -69,8 +69,8 @@ def test_clean_and_nested():
 
 def test_a_schedule_follows_the_epoch():
     sampler = CorruptionSampler(hj.Schedule(lambda epoch: hj.PopUps() if epoch else hj.Marks()))
-    found = [sampler.draw(step=0, group="a", slot=0, epoch=epoch).label for epoch in (0, 1)]
-    assert found == ["marks", "pop_ups"]
+    values = [sampler.draw(step=0, group="a", slot=0, epoch=epoch).label for epoch in (0, 1)]
+    assert values == ["marks", "pop_ups"]
 
 
 def test_the_draw_as_data():

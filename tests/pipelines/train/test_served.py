@@ -73,8 +73,8 @@ def test_a_rollout_is_played_and_judged(served):
 
 def test_clean_rollouts_are_clean(served):
     env, desktops, _ = served
-    seen, _ = env.reset(seed=1, options={"task": "write_note", "corruption": None})
-    assert np.array_equal(seen["screenshot"], desktops.stages[0].desktop.screenshot())
+    calls, _ = env.reset(seed=1, options={"task": "write_note", "corruption": None})
+    assert np.array_equal(calls["screenshot"], desktops.stages[0].desktop.screenshot())
 
 
 def test_a_malformed_answer_is_seen_by_the_trainer(served):

@@ -81,7 +81,9 @@ def config(tmp_path, chat):
 
 
 def run(*arguments):
-    return CliRunner().invoke(train, [str(each) for each in arguments], catch_exceptions=False)
+    return CliRunner().invoke(
+        train, [str(argument) for argument in arguments], catch_exceptions=False
+    )
 
 
 @pytest.mark.slow
@@ -126,8 +128,8 @@ def test_pictures_are_those_of_their_rows(exports):
     ],
 )
 def test_tasks_are_found_in_the_ids_of_trajectories(trajectory, tasks):
-    found = named_tasks(trajectory)
-    assert (len(found) if isinstance(tasks, int) else found) == tasks
+    result = named_tasks(trajectory)
+    assert (len(result) if isinstance(tasks, int) else result) == tasks
 
 
 def test_held_out_and_reported_tasks_are_refused(config, chat, tmp_path):
@@ -229,11 +231,11 @@ def test_the_loss_goes_down(config, exports, tmp_path):
     watched = ["--data", exports / "chat", "--data", exports / "onlooker" / "reminders"]
     constant = {"lr_scheduler_type": "constant", "use_cpu": True, "bf16": False}
     chosen = {"accumulation": 1, "learning_rate": 0.01, "trl": constant}
-    done = run(config(**chosen), "--out", out, "--json", *watched)
-    assert done.exit_code == 0, done.output
-    summary = json.loads(done.stdout.splitlines()[-1])
+    result = run(config(**chosen), "--out", out, "--json", *watched)
+    assert result.exit_code == 0, result.output
+    summary = json.loads(result.stdout.splitlines()[-1])
     assert sum(summary["rows"].values()) >= 50
-    losses = [each["loss"] for each in summary["losses"]]
+    losses = [loss["loss"] for loss in summary["losses"]]
     assert summary["last_loss"] < 0.8 * summary["first_loss"], losses
     assert (out / "model" / "model.safetensors").is_file()
     assert json.loads((out / "summary.json").read_text()) == summary

@@ -31,11 +31,11 @@ CORRUPTIONS = {**SHIPPED.trained, **SHIPPED.untrained}
 
 def solve(env, **options):
     """Let the expert play; return the screenshots and the score."""
-    seen, _ = env.reset(seed=3, options=options)
-    pictures, over, score = [seen["screenshot"]], False, 0.0
+    calls, _ = env.reset(seed=3, options=options)
+    pictures, over, score = [calls["screenshot"]], False, 0.0
     while not over:
-        seen, score, terminated, truncated, _ = env.step(expert_answer(env)[0])
-        pictures.append(seen["screenshot"])
+        calls, score, terminated, truncated, _ = env.step(expert_answer(env)[0])
+        pictures.append(calls["screenshot"])
         over = terminated or truncated
     return pictures, score
 
@@ -56,7 +56,7 @@ def test_the_expert_solves_all_under_all(label):
         assert env.record["malformed"] == 0
         clean, _ = solve(env, task=name, corruption=None)
         differs = len(clean) != len(pictures) or any(
-            not np.array_equal(one, other) for one, other in zip(clean, pictures, strict=True)
+            not np.array_equal(value, second) for value, second in zip(clean, pictures, strict=True)
         )
         assert differs == (label != "clean"), name
 
@@ -67,11 +67,11 @@ def test_all_nine_are_shipped():
 
 def test_pictures_are_those_of_the_library():
     env, marks = ToyEnv(), CORRUPTIONS["marks"]
-    seen, _ = env.reset(seed=5, options={"task": "toy-00001", "corruption": marks})
+    calls, _ = env.reset(seed=5, options={"task": "toy-00001", "corruption": marks})
     scene = hj.Scene(size=(64, 96), boxes=env.screen.boxes)
     plan = marks.plan(scene, seed=5, sample="toy-00001", step=0)
-    assert np.array_equal(seen["screenshot"], hj.apply(plan, env.screen.pixels))
-    assert not np.array_equal(seen["screenshot"], env.screen.pixels)
+    assert np.array_equal(calls["screenshot"], hj.apply(plan, env.screen.pixels))
+    assert not np.array_equal(calls["screenshot"], env.screen.pixels)
 
 
 def test_the_wrong_element_ends_it():
@@ -120,15 +120,15 @@ def test_the_start_learns_from_the_expert():
 def test_draws_of_a_policy_depend_on_its_streams_alone():
     torch.manual_seed(0)
     policy = ToyPolicy(ToyNetwork())
-    seen = [ToyEnv().reset(options={"task": name})[0] for name in NAMES]
+    calls = [ToyEnv().reset(options={"task": name})[0] for name in NAMES]
     streams = [Stream(0, "test", name) for name in NAMES]
-    together = policy.act(seen, streams)
+    together = policy.act(calls, streams)
     again = [
-        policy.act([one], [Stream(0, "test", name)])[0]
-        for one, name in zip(seen, NAMES, strict=True)
+        policy.act([value], [Stream(0, "test", name)])[0]
+        for value, name in zip(calls, NAMES, strict=True)
     ]
     assert [answer.tokens for answer in together] == [answer.tokens for answer in again]
-    turns = [PolicyTurn(one, answer) for one, answer in zip(seen, together, strict=True)]
+    turns = [PolicyTurn(value, answer) for value, answer in zip(calls, together, strict=True)]
     chances, _ = policy.log_probs(turns)
     stored = torch.tensor([answer.logprobs for answer in together])
     assert torch.allclose(chances, stored, atol=1e-4)
@@ -138,8 +138,8 @@ def test_answers_that_are_malformed_are_called_so():
     torch.manual_seed(0)
     policy = ToyPolicy(ToyNetwork())
     env = ToyEnv()
-    seen, _ = env.reset(options={"task": "toy-00000"})
-    answers = policy.act([seen] * 60, [Stream(0, "test", i) for i in range(60)])
+    calls, _ = env.reset(options={"task": "toy-00000"})
+    answers = policy.act([calls] * 60, [Stream(0, "test", i) for i in range(60)])
     assert {answer.is_well_formed for answer in answers} == {True, False}
     for answer in answers:
         env.reset(options={"task": "toy-00000"})

@@ -50,13 +50,15 @@ def config(tmp_path):
 
 
 def run(*arguments):
-    return CliRunner().invoke(train, [str(each) for each in arguments], catch_exceptions=False)
+    return CliRunner().invoke(
+        train, [str(argument) for argument in arguments], catch_exceptions=False
+    )
 
 
 def files(folder: Path):
     names = ("scores.json", "rollouts.jsonl", "steps.jsonl")
-    found = [path for path in sorted(folder.rglob("*")) if path.name in names]
-    return {str(path.relative_to(folder)): path.read_bytes() for path in found}
+    paths = [path for path in sorted(folder.rglob("*")) if path.name in names]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in paths}
 
 
 def rows(path: Path):
@@ -65,10 +67,10 @@ def rows(path: Path):
 
 def test_from_start_to_end_and_again(config, tmp_path):
     out = tmp_path / "out"
-    done = run(config, "--out", out, "--workers", 1, "--json")
-    assert done.exit_code == 0, done.output
+    result = run(config, "--out", out, "--workers", 1, "--json")
+    assert result.exit_code == 0, result.output
     summary = json.loads((out / "summary.json").read_text())
-    assert json.loads(done.stdout.splitlines()[-1]) == summary
+    assert json.loads(result.stdout.splitlines()[-1]) == summary
     for name in ("gain_visual", "gain_clean", "gain_heldout"):
         gain = summary[name]
         assert gain.keys() == {"mean", "ci_low", "ci_high", "per_seed"}
@@ -150,9 +152,9 @@ def test_mistakes_are_named(config, old, new, message):
 
 def test_tasks_of_another_desktop_are_told_before_anything_is_played(config, tmp_path):
     config.write_text(SMALL.replace("toy-00003", "task-3"))
-    done = CliRunner().invoke(train, [str(config), "--out", str(tmp_path / "out"), "--dry-run"])
-    assert isinstance(done.exception, HijackError)
-    assert f"{config}: no task 'task-3' of the toy desktop" in str(done.exception)
+    result = CliRunner().invoke(train, [str(config), "--out", str(tmp_path / "out"), "--dry-run"])
+    assert isinstance(result.exception, HijackError)
+    assert f"{config}: no task 'task-3' of the toy desktop" in str(result.exception)
 
 
 def test_several_mistakes_at_once(config):

@@ -49,25 +49,25 @@ def grpo(trainer, steps):
         scores = []
         states = [(request, request.stream()) for request in requests]
         envs = trainer._environments
-        seen = [
+        calls = [
             env.reset(seed=request.seed, options={"task": request.group})[0]
             for env, (request, _) in zip(envs, states, strict=False)
         ]
         history = [[] for _ in requests]
         for _ in range(2):
-            answers = policy.act(seen, [stream for _, stream in states])
+            answers = policy.act(calls, [stream for _, stream in states])
             for i, answer in enumerate(answers):
-                history[i].append(PolicyTurn(seen[i], answer))
-                seen[i], score, *_ = envs[i].step(answer.action)
+                history[i].append(PolicyTurn(calls[i], answer))
+                calls[i], score, *_ = envs[i].step(answer.action)
                 if envs[i].record is not None:
                     scores.append(score)
         used, advantages = [], []
         for first in range(0, len(requests), settings.rollouts):
-            own = torch.tensor(scores[first : first + settings.rollouts])
-            if bool((own == own[0]).all()):
+            result = torch.tensor(scores[first : first + settings.rollouts])
+            if bool((result == result[0]).all()):
                 continue
             used += history[first : first + settings.rollouts]
-            advantages.append((own - own.mean()) / (own.std() + 1e-6))
+            advantages.append((result - result.mean()) / (result.std() + 1e-6))
         if not used:
             continue
         chances, _ = policy.log_probs([turn for turns in used for turn in turns])
@@ -75,8 +75,8 @@ def grpo(trainer, steps):
         ratio = (by_response - by_response.detach()).exp()
         weight = torch.cat(advantages).unsqueeze(1)
         gain = torch.minimum(ratio * weight, ratio.clamp(0.8, 1.3) * weight)
-        each = -gain.sum(1) / by_response.shape[1]
-        loss = (each * torch.full((len(used),), 1 / settings.rollouts)).sum() / settings.batch
+        value = -gain.sum(1) / by_response.shape[1]
+        loss = (value * torch.full((len(used),), 1 / settings.rollouts)).sum() / settings.batch
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(policy.network().parameters(), settings.max_norm)
@@ -106,10 +106,10 @@ def test_it_learns(made):
 
 def test_who_met_what_is_saved(made, tmp_path):
     made(tmp_path, planner=CORRUPTED).run()
-    found = rows(tmp_path)
-    assert len(found) == 3 * 6 * 4
-    assert {row["corruption"] for row in found} == {"marks", "resolution"}
-    assert found[0].keys() >= {"step", "task", "slot", "seed", "planner", "status", "success"}
+    result = rows(tmp_path)
+    assert len(result) == 3 * 6 * 4
+    assert {row["corruption"] for row in result} == {"marks", "resolution"}
+    assert result[0].keys() >= {"step", "task", "slot", "seed", "planner", "status", "success"}
     assert len(rows(tmp_path, "steps.jsonl")) == 9
 
 
@@ -147,9 +147,9 @@ def test_nothing_to_resume(made, tmp_path):
 
 def test_the_checkpoint_of_another_run_is_refused(made, tmp_path):
     made(tmp_path).run()
-    other = made(tmp_path, learning_rate=0.1)
+    second = made(tmp_path, learning_rate=0.1)
     with pytest.raises(TrainError, match="another run; it differs in settings"):
-        other.resume()
+        second.resume()
 
 
 def test_another_replay_seed_is_another_run(made, tmp_path):
@@ -164,10 +164,10 @@ def test_the_checkpoint_of_another_network_is_refused_and_the_logs_stay(made, tm
     trainer.save()
     trainer.step()
     before = (tmp_path / "rollouts.jsonl").read_bytes()
-    other = made(tmp_path)
-    other.policy.net = torch.nn.Linear(3, 4)
+    second = made(tmp_path)
+    second.policy.net = torch.nn.Linear(3, 4)
     with pytest.raises(TrainError, match=r"of another network \(.*size mismatch"):
-        other.resume()
+        second.resume()
     assert (tmp_path / "rollouts.jsonl").read_bytes() == before
 
 
@@ -187,26 +187,26 @@ def test_a_log_that_was_shortened_is_refused(made, tmp_path):
 
 
 def test_an_environment_that_fails_is_left_out(made, tmp_path):
-    said = []
-    trainer = made(tmp_path, fails=("say-1",), report=said.append)
+    output = []
+    trainer = made(tmp_path, fails=("say-1",), report=output.append)
     reports = trainer.run()
     assert len(reports) == 9
     failed = [row for row in rows(tmp_path) if row["status"] == "error"]
     assert {row["task"] for row in failed} == {"say-1"}
     assert "reset: RuntimeError: no desktop" in failed[0]["problem"]
-    assert any("say-1, rollout 0 is left out" in line for line in said)
-    assert any("a group of 0 teaches nothing" in line for line in said)
+    assert any("say-1, rollout 0 is left out" in line for line in output)
+    assert any("a group of 0 teaches nothing" in line for line in output)
 
 
 def test_one_rollout_that_is_left_is_no_group(made):
-    said = []
-    trainer = made(report=said.append, batch=1, tasks=("say-1",))
+    output = []
+    trainer = made(report=output.append, batch=1, tasks=("say-1",))
     for env in trainer._environments[:3]:
         env.fails = ("say-1",)
     before = weights(trainer)
     assert trainer.step().groups == 0
     assert same(before, weights(trainer))
-    assert any("a group of 1 teaches nothing" in line for line in said)
+    assert any("a group of 1 teaches nothing" in line for line in output)
 
 
 def test_if_nothing_can_be_played_the_run_ends(made):

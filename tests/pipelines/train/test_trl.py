@@ -61,24 +61,26 @@ class Scripted(DAGRPOTrainer):
 
     def _generate_single_turn(self, prompt_ids, images, *args, **kwargs):
         is_first = len(prompt_ids) == len(self.environments) and not kwargs.get("has_tool_images")
-        if is_first and not any(made._episode.rollout.answers for made in self.environments):
+        if is_first and not any(
+            environment._episode.rollout.answers for environment in self.environments
+        ):
             self.live = list(range(len(prompt_ids)))
             self.turn = 0
         if len(prompt_ids) != len(self.live):
             self.live = [i for i in self.live if i not in self.silent]
-        self.pictures = [len(each or []) for each in images or []]
+        self.pictures = [len(item or []) for item in images or []]
         pad = self._tokenizer.convert_tokens_to_ids("<|image_pad|>")
         self.tokens = [ids.count(pad) for ids in prompt_ids]
         self.silent = set()
-        said = []
+        output = []
         for i in self.live:
             env = self.environments[i]._episode._env
             text = self.says(i, self.turn, None if env is None else env)
             if not text:
                 self.silent.add(i)
-            said.append(text or "I am lost.<|im_end|>")
+            output.append(text or "I am lost.<|im_end|>")
         self.turn += 1
-        return [self._tokenizer.encode(text, add_special_tokens=False) for text in said], None
+        return [self._tokenizer.encode(text, add_special_tokens=False) for text in output], None
 
 
 def expert(number, turn, env):
@@ -168,7 +170,7 @@ def log_of(tmp_path):
 
 
 def parameters(trainer):
-    return {name: each.detach().clone() for name, each in trainer.model.named_parameters()}
+    return {name: value.detach().clone() for name, value in trainer.model.named_parameters()}
 
 
 def counting(trainer):
@@ -188,18 +190,18 @@ def counting(trainer):
 def test_an_optimiser_step_with_pictures_and_a_corruption_a_rollout(made, tmp_path):
     trainer = made()
     before = parameters(trainer)
-    seen = {}
+    entries = {}
     forward = trainer.model.forward
 
     def spy(*args, **kwargs):
-        seen.update({k: tuple(v.shape) for k, v in kwargs.items() if hasattr(v, "shape")})
+        entries.update({k: tuple(v.shape) for k, v in kwargs.items() if hasattr(v, "shape")})
         return forward(*args, **kwargs)
 
     trainer.model.forward = spy
     counts = counting(trainer)
     trainer.train()
-    each = (64 // 32) * (96 // 32)  # patches of 16 pixels, merged 2 x 2
-    assert all(tokens == pictures * each for pictures, tokens in counts)
+    value = (64 // 32) * (96 // 32)  # patches of 16 pixels, merged 2 x 2
+    assert all(tokens == pictures * value for pictures, tokens in counts)
     assert max(pictures for pictures, _ in counts) >= 2
     logged = trainer.state.log_history[0]
     assert logged["rewards/TrlEnvironment/mean"] == 0.5  # one of two in both groups
@@ -209,7 +211,7 @@ def test_an_optimiser_step_with_pictures_and_a_corruption_a_rollout(made, tmp_pa
     moved = {name for name in after if not torch.equal(after[name], before[name])}
     assert any("visual" in name for name in moved), "the gradient reaches the pictures"
     assert any("language_model" in name for name in moved)
-    assert seen["pixel_values"][0] > 0
+    assert entries["pixel_values"][0] > 0
     rows = log_of(tmp_path)
     assert [row["task"] for row in rows] == [TASKS[0]] * 2 + [TASKS[1]] * 2
     assert [row["slot"] for row in rows] == [0, 1, 0, 1]
@@ -247,7 +249,7 @@ def test_without_replay_equal_rewards_teach_nothing(made):
     logged = trainer.state.log_history[0]
     assert logged["frac_reward_zero_std"] == 1.0
     assert logged["grad_norm"] == 0.0
-    assert all(torch.equal(each, before[name]) for name, each in parameters(trainer).items())
+    assert all(torch.equal(value, before[name]) for name, value in parameters(trainer).items())
 
 
 @pytest.mark.parametrize(
@@ -279,15 +281,15 @@ class Broken(ToyEnv):
 
 
 def test_an_environment_that_fails_in_reset_loses_its_rollouts_only(made, tmp_path):
-    said = []
-    trainer = made(make=Broken, report=said.append)
+    output = []
+    trainer = made(make=Broken, report=output.append)
     trainer.train()
     assert trainer.state.log_history[0]["rewards/TrlEnvironment/mean"] == 0.5  # of the two left
     assert format_reward([[]] * 4, trainer.environments) == [None, None, 0.0, 0.0]
     rows = log_of(tmp_path)
     assert [row["status"] for row in rows] == ["error", "error", "ok", "ok"]
     assert rows[0]["problem"] == "reset: RuntimeError: no desktop"
-    assert said[0].startswith("batch 0: toy-00000, rollout 0 is left out: error, reset")
+    assert output[0].startswith("batch 0: toy-00000, rollout 0 is left out: error, reset")
 
 
 def test_a_batch_that_cannot_be_played_ends_the_run(made):
@@ -376,10 +378,10 @@ def test_the_example_runs_from_a_folder(tmp_path, words):
     out = tmp_path / "out"
     command = [sys.executable, ROOT / "examples" / "train_trl.py", "--model", tmp_path / "model"]
     command += ["--config", config, "--out", out, "--tasks", "1"]
-    done = subprocess.run(
+    process = subprocess.run(
         list(map(str, command)), capture_output=True, text=True, check=False, timeout=900
     )
-    assert done.returncode == 0, done.stderr[-2000:]
+    assert process.returncode == 0, process.stderr[-2000:]
     assert (out / "model" / "model.safetensors").is_file()
     rows = log_of(out)
     assert [row["well_formed"] for row in rows] == [False, False], "a random model calls no tool"

@@ -99,10 +99,10 @@ def words():
 def net(words):
     from transformers.models.qwen3_vl.modeling_qwen3_vl import Qwen3VLModel
 
-    made = tiny_qwen3.model(words.tokenizer)
-    words.config = made.config  # as verl.utils.tokenizer.hf_processor does for a checkpoint
-    words.get_rope_index = lambda *a, **k: Qwen3VLModel.get_rope_index(made.model, *a, **k)
-    return made
+    result = tiny_qwen3.model(words.tokenizer)
+    words.config = result.config  # as verl.utils.tokenizer.hf_processor does for a checkpoint
+    words.get_rope_index = lambda *a, **k: Qwen3VLModel.get_rope_index(result.model, *a, **k)
+    return result
 
 
 def settings(response_length=1024):
@@ -144,8 +144,13 @@ def play(words, net, monkeypatch):
 
             monkeypatch.setattr(loop, "_take_idle", spy)
             about = {"task": "toy-00000", **(row or {})}
-            given = {"raw_prompt": RAW, "extra_info": about, "session_id": slot, "global_steps": 3}
-            return await loop.run({"temperature": 1.0}, **given)
+            entries = {
+                "raw_prompt": RAW,
+                "extra_info": about,
+                "session_id": slot,
+                "global_steps": 3,
+            }
+            return await loop.run({"temperature": 1.0}, **entries)
 
         output = asyncio.run(whole())
         return output, server
@@ -156,8 +161,8 @@ def play(words, net, monkeypatch):
 
 def test_an_episode_as_verl_takes_it(play):
     output, server = play(slot=1)
-    each = (64 // 32) * (96 // 32)  # picture tokens of a screenshot
-    assert all(tokens == pictures * each for pictures, tokens in server.seen)
+    value = (64 // 32) * (96 // 32)  # picture tokens of a screenshot
+    assert all(tokens == pictures * value for pictures, tokens in server.seen)
     assert len(server.seen) >= 2
     assert len(output.multi_modal_data["images"]) == len(server.seen)
     assert output.reward_score == 1.0
@@ -252,7 +257,7 @@ def test_losses_of_a_step_are_ours(play, words, net):
     expected = clipped_loss(new, old, ours, mask.bool()).mean()
     assert torch.allclose(loss, expected, atol=1e-5)
     loss.backward()
-    moved = [name for name, each in net.named_parameters() if each.grad is not None]
+    moved = [name for name, item in net.named_parameters() if item.grad is not None]
     assert any("visual" in name for name in moved)
     assert any("language_model" in name for name in moved)
 

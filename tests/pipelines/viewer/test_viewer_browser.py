@@ -162,18 +162,18 @@ def red(browser: Browser, frame: dict[str, float]) -> int:
 def test_the_overlay_lies_on_the_target(
     browser: Browser, url: str, folder: Path, row: str, width: int
 ) -> None:
-    stored = next(found for found in open_dataset(folder) if found["id"] == row)
+    stored = next(array for array in open_dataset(folder) if array["id"] == row)
     visit(browser, f"{url}#row={row}", width=width)
     frame, drawn, point = (
         box(browser, selector) for selector in ("#frame", "rect.target", "circle.action")
     )
     scale = frame["width"] / stored["width"]
     x1, y1, x2, y2 = stored["target_box"]
-    wanted = np.array([x1 * scale, y1 * scale, (x2 - x1) * scale, (y2 - y1) * scale])
-    found = np.array(
+    expected = np.array([x1 * scale, y1 * scale, (x2 - x1) * scale, (y2 - y1) * scale])
+    array = np.array(
         [drawn["x"] - frame["x"], drawn["y"] - frame["y"], drawn["width"], drawn["height"]]
     )
-    assert np.abs(found - wanted).max() < 1.5
+    assert np.abs(array - expected).max() < 1.5
     middle = (
         point["x"] + point["width"] / 2 - frame["x"],
         point["y"] + point["height"] / 2 - frame["y"],
@@ -236,9 +236,9 @@ def test_all_columns_and_the_plan_are_there(browser: Browser, url: str, folder: 
         "[...document.querySelectorAll('#fields div')].map(d => [...d.children].map(e =>"
         " e.textContent))"
     )
-    shown = dict(browser.js(cells))
-    assert set(row) - set(shown) == {"plan", "screenshot"}
-    assert (shown["id"], shown["image_sha256"]) == (row["id"], row["image_sha256"])
+    entries = dict(browser.js(cells))
+    assert set(row) - set(entries) == {"plan", "screenshot"}
+    assert (entries["id"], entries["image_sha256"]) == (row["id"], row["image_sha256"])
     plan = text(browser, "#plan code")
     assert "\n" in plan
     assert json.loads(plan) == json.loads(row["plan"])

@@ -30,13 +30,13 @@ def test_the_command_serves_until_ctrl_c(
     process = command(tmp_path / "out")
     assert process.stdout is not None
     line = process.stdout.readline()
-    found = re.search(r"(\d+) rows \(.*\) at http://127\.0\.0\.1:(\d+)/\?token=(\S+)", line)
-    assert found is not None
-    assert int(found[1]) == (6 if harmed else 12)
-    link = http.client.HTTPConnection("127.0.0.1", int(found[2]), timeout=30)
-    cookie = {"Cookie": f"hijack-view-{found[2]}={found[3]}"}
+    result = re.search(r"(\d+) rows \(.*\) at http://127\.0\.0\.1:(\d+)/\?token=(\S+)", line)
+    assert result is not None
+    assert int(result[1]) == (6 if harmed else 12)
+    link = http.client.HTTPConnection("127.0.0.1", int(result[2]), timeout=30)
+    cookie = {"Cookie": f"hijack-view-{result[2]}={result[3]}"}
     link.request("GET", "/api/about", headers=cookie)
-    assert json.loads(link.getresponse().read())["rows"] == int(found[1])
+    assert json.loads(link.getresponse().read())["rows"] == int(result[1])
     link.close()
     process.send_signal(signal.SIGINT)
     out, err = process.communicate(timeout=30)

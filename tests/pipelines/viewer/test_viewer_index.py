@@ -56,9 +56,9 @@ def test_the_index_filters_counts_and_searches_as_a_list_does(
         assert index.at(2 * n) == n
         assert index.at(2 * n + 1) is None
         assert sorted(index.same_step(n).tolist()) == [
-            k for k, other in enumerate(rows) if other[2] == row[2]
+            k for k, second in enumerate(rows) if second[2] == row[2]
         ]
-        steps = [k for k, other in enumerate(rows) if other[0] == row[0]]
+        steps = [k for k, second in enumerate(rows) if second[0] == row[0]]
         assert index.trajectory(n).tolist() == sorted(steps, key=lambda k: rows[k][2])
 
 
@@ -87,16 +87,8 @@ def test_pages_are_bounded(dataset: Path, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(json_answers, "ROWS_PER_PAGE", 8)
     monkeypatch.setattr(json_answers, "MAX_CHOICES", 2)
     source = open_source(dataset)
-    for page, shown in (
-        ("4", 4),
-        ("1", 1),
-        ("99", 4),
-        ("0", 1),
-        ("-3", 1),
-        ("x", 1),
-        ("9" * 40, 1),
-    ):
-        assert json_answers.rows(source, {"page": page})["page"] == shown
+    for page, item in (("4", 4), ("1", 1), ("99", 4), ("0", 1), ("-3", 1), ("x", 1), ("9" * 40, 1)):
+        assert json_answers.rows(source, {"page": page})["page"] == item
     assert [row["row"] for row in json_answers.rows(source, {"page": "4"})["rows"]] == list(
         range(24, 30)
     )

@@ -23,11 +23,11 @@ def test_a_row_is_shown_whole(dataset: Path) -> None:
     source = open_source(dataset)
     for number, row in enumerate(open_dataset(dataset)):
         detail = json_answers.row(source, {"row": str(number)})["detail"]
-        shown = dict(detail["fields"]["Columns"])
-        assert {*shown} | {"plan", "screenshot"} == {*row} | {
-            name for name in shown if name.endswith("screenshot")
+        entries = dict(detail["fields"]["Columns"])
+        assert {*entries} | {"plan", "screenshot"} == {*row} | {
+            name for name in entries if name.endswith("screenshot")
         }
-        assert shown["plan_digest"] == row["plan_digest"]
+        assert entries["plan_digest"] == row["plan_digest"]
         assert detail["size"] == row["screenshot"].size
         assert json.loads(detail["plan"]) == json.loads(row["plan"])
         assert detail["points"] == [(row["action"]["x"], row["action"]["y"])]

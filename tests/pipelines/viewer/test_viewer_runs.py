@@ -36,8 +36,8 @@ def number_of(source: RunSource, name: str) -> int:
 
 
 def values(about: dict[str, Any], column: str) -> list[str]:
-    found = about["texts"][column]
-    return [found["values"][code] for code in found["codes"]]
+    text = about["texts"][column]
+    return [text["values"][code] for code in text["codes"]]
 
 
 def test_the_list_has_every_episode_with_its_outcome(played: Path) -> None:
@@ -65,11 +65,11 @@ def test_the_list_has_every_episode_with_its_outcome(played: Path) -> None:
 
 def test_what_an_agent_was_given_stands_beside_it(harmed: Path) -> None:
     lines = read_lines(harmed / "records.jsonl")
-    given = {"pixel": ["plan"], "gpt-9": []}
-    write_lines(harmed / "records.jsonl", [row | {"given": given[row["agent"]]} for row in lines])
+    entries = {"pixel": ["plan"], "gpt-9": []}
+    write_lines(harmed / "records.jsonl", [row | {"given": entries[row["agent"]]} for row in lines])
     about = run_of(harmed).about()
-    found = set(zip(values(about, "agent"), values(about, "given"), strict=True))
-    assert found == {("pixel", "the task's plan in words"), ("gpt-9", "")}
+    names = set(zip(values(about, "agent"), values(about, "given"), strict=True))
+    assert names == {("pixel", "the task's plan in words"), ("gpt-9", "")}
 
 
 def test_a_step_has_what_was_said_done_and_seen(played: Path) -> None:
@@ -130,10 +130,10 @@ def test_what_verify_finds_is_told(played: Path, harmed: Path) -> None:
     pixels = np.array(Image.open(frame))
     pixels[-1, 3] ^= 1
     Image.fromarray(pixels).save(frame)
-    other = run_of(harmed)
-    (problem,) = other.check(number_of(other, MARKS))
+    second = run_of(harmed)
+    (problem,) = second.check(number_of(second, MARKS))
     assert "is not what the agent saw" in problem
-    assert other.check(number_of(other, MINIMISED)) == []
+    assert second.check(number_of(second, MINIMISED)) == []
 
 
 @pytest.mark.parametrize(

@@ -66,8 +66,8 @@ def choose(browser: Browser, name: str, value: str) -> None:
 
 def test_what_an_agent_was_given_stands_below_its_name(browser: Browser, harmed: Path) -> None:
     lines = read_lines(harmed / "records.jsonl")
-    told = [row | {"given": ["plan"]} if row["agent"] == "pixel" else row for row in lines]
-    write_lines(harmed / "records.jsonl", told)
+    message = [row | {"given": ["plan"]} if row["agent"] == "pixel" else row for row in lines]
+    write_lines(harmed / "records.jsonl", message)
     with served(harmed) as server:
         visit(browser, server.url)
         notes = "[...document.querySelectorAll('#table .given')].map(n => n.textContent)"

@@ -23,10 +23,10 @@ def problems(folder: Path, name: str = MARKS) -> list[str]:
     assert isinstance(source, RunSource)
     names = [entry.id for entry in source.entries]
     assert len(names) == len(set(names)) == 12
-    for number, other in enumerate(names):
+    for number, second in enumerate(names):
         data = source.episode(number)
-        if other not in (name, CLEAN):
-            assert (data["problems"], len(data["steps"]) > 2) == ([], True), other
+        if second not in (name, CLEAN):
+            assert (data["problems"], len(data["steps"]) > 2) == ([], True), second
     return source.episode(names.index(name))["problems"]
 
 
@@ -80,8 +80,8 @@ def test_damage_is_shown_with_its_episode(
     harmed: Path, harm: Callable[[Path], object], words: str
 ) -> None:
     harm(harmed)
-    found = problems(harmed)
-    assert any(words in problem for problem in found), found
+    result = problems(harmed)
+    assert any(words in problem for problem in result), result
 
 
 def test_a_record_that_was_edited_everywhere_is_found_by_the_next_line(harmed: Path) -> None:
@@ -181,9 +181,9 @@ def test_lines_without_an_id_are_problems_of_the_run(harmed: Path) -> None:
         problem.startswith("line 1 of records.jsonl: not JSON") for problem in source.problems
     )
     assert len(source.entries) == 12
-    shown = {entry.id: entry.problem for entry in source.entries}
+    entries = {entry.id: entry.problem for entry in source.entries}
     gone = json.loads(lines[0])["id"]
-    assert shown[gone].startswith("records.jsonl has no line of it")
+    assert entries[gone].startswith("records.jsonl has no line of it")
 
 
 def test_a_journal_without_hashes_is_one_problem(harmed: Path) -> None:

@@ -66,9 +66,9 @@ def test_the_table_has_the_numbers_of_the_report(kept: list[dict[str, Any]], tmp
     source = RunSource(run)
     assert table(source) == reported(run)
     unread = len(reading.read(run).damaged)
-    shown = [entry.problem for entry in source.entries if "is no" in entry.problem]
+    problems = [entry.problem for entry in source.entries if "is no" in entry.problem]
     doubled = [text for text in source.problems if "is on line 1 already" in text]
-    assert len(shown) + len(doubled) == unread
+    assert len(problems) + len(doubled) == unread
 
 
 def test_conditions_come_in_the_order_of_the_configuration(tmp_path: Path):

@@ -83,8 +83,8 @@ def test_a_dataset_that_is_gone_or_another_is_said(scored: Path, tmp_path: Path)
     records[0]["image_sha256"] = "0" * 64
     records[1]["row"] = "nobody"
     write_lines(tmp_path / "run" / "records.jsonl", records)
-    other = opened(tmp_path / "run")
+    second = opened(tmp_path / "run")
     with pytest.raises(HijackError, match="not the picture that the agent was shown"):
-        other.picture(0, 0, False)
+        second.picture(0, 0, False)
     with pytest.raises(HijackError, match="has no row 'nobody'"):
-        other.picture(1, 0, False)
+        second.picture(1, 0, False)

@@ -113,9 +113,9 @@ def test_only_our_own_names_are_answered(dataset: Path, serving: Any) -> None:
 
 def test_only_the_address_with_the_token_is_answered(dataset: Path) -> None:
     """Another user of the machine can connect, but has no token."""
-    with served(dataset) as server, served(dataset) as other:
-        for cookie in ("", f"{server.cookie}=", f"{server.cookie}={other.token}", "a=b; ;=\x00"):
-            for path in ("/", "/api/about", "/picture/0", f"/?token={other.token}", "/?token="):
+    with served(dataset) as server, served(dataset) as second:
+        for cookie in ("", f"{server.cookie}=", f"{server.cookie}={second.token}", "a=b; ;=\x00"):
+            for path in ("/", "/api/about", "/picture/0", f"/?token={second.token}", "/?token="):
                 assert fetch(server, path, Cookie=cookie)[0] == 401, (cookie, path)
         for path, place in (("/", "/"), ("//evil.example/x", "/evil.example/x")):
             status, _, headers = fetch(server, f"{path}?token={server.token}", Cookie="")
@@ -137,13 +137,13 @@ def test_many_at_once_get_the_same(dataset: Path, serving: Any) -> None:
     get = serving(dataset)
     alone = [get(f"/picture/{number}")[1] for number in range(8)]
     again = serving(dataset)
-    found: dict[int, bytes] = {}
+    entries: dict[int, bytes] = {}
     threads = [
-        threading.Thread(target=lambda n=n: found.update({n: again(f"/picture/{n}")[1]}))
+        threading.Thread(target=lambda n=n: entries.update({n: again(f"/picture/{n}")[1]}))
         for n in range(8)
     ]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join(60)
-    assert [found[number] for number in range(8)] == alone
+    assert [entries[number] for number in range(8)] == alone
