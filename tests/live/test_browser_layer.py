@@ -234,16 +234,20 @@ def test_a_run_has_the_same_plans_on_both_layers_is_verified_and_built(tmp_path:
     built = hijack("build", tmp_path / "dom", "--out", tmp_path / "set", "--corruptions", "marks")
     assert "rows" in built
     hijack("verify", tmp_path / "set")
+    head = json.loads((tmp_path / "dom" / "run.json").read_text())
+    del head["config"]["layer"]
+    (tmp_path / "dom" / "run.json").write_text(json.dumps(head))
+    assert "the browser drew nothing in this run" in hijack("verify", tmp_path / "dom", code=1)
 
 
-def hijack(*words: object) -> str:
+def hijack(*words: object, code: int = 0) -> str:
     process = subprocess.run(
         [sys.executable, "-m", "hijack_data.cli", *map(str, words)],
         capture_output=True,
         text=True,
         check=False,
     )
-    assert process.returncode == 0, process.stdout + process.stderr
+    assert process.returncode == code, process.stdout + process.stderr
     return process.stdout
 
 

@@ -60,7 +60,7 @@ def check_episode(folder: Path, journal: Journal, replay: EpisodeReplay) -> Iter
         yield from _in_record(privileged_input_problems(record))
         planner, is_stated = _planner(record, journal)
         yield from _in_record(_agrees(record, planner, is_stated))
-        key = _key(record, planner, is_stated)
+        key = _key(record, planner, is_stated, _has_page_layer(journal))
         is_whole = True
         for problem in _lines(folder, key, replay):
             is_whole = False
@@ -128,7 +128,14 @@ def _agrees(record: Mapping[str, Any], planner: Planner | None, is_stated: bool)
             yield f"planner is not what {RUN} has under {record.get('corruption')!r}"
 
 
-def _key(record: Mapping[str, Any], planner: Planner | None, is_stated: bool) -> ReplayInputs:
+def _has_page_layer(journal: Journal) -> bool:
+    """Return whether the browser may have drawn plans; a log without a head does not say."""
+    return journal.config.get("layer") == "dom" or not journal.exists
+
+
+def _key(
+    record: Mapping[str, Any], planner: Planner | None, is_stated: bool, has_page_layer: bool
+) -> ReplayInputs:
     return ReplayInputs(
         seed=_seed(record),
         sample=fields.text(record, "sample"),
@@ -137,6 +144,7 @@ def _key(record: Mapping[str, Any], planner: Planner | None, is_stated: bool) ->
         is_stated=is_stated,
         size=_size(record),
         allow_code=_allow_code(record),
+        has_page_layer=has_page_layer,
     )
 
 

@@ -38,6 +38,7 @@ class ReplayInputs:
         is_stated: whether the log states `planner`; otherwise it is derived from the logged plans.
         size: `(height, width)` of the screen; `None` if the log does not contain it.
         allow_code: whether any code was allowed.
+        has_page_layer: whether the run had the browser draw what plans paste.
     """
 
     seed: int
@@ -47,6 +48,7 @@ class ReplayInputs:
     is_stated: bool
     size: Size | None
     allow_code: bool
+    has_page_layer: bool = False
 
     @property
     def needs_elements(self) -> bool:
@@ -101,7 +103,7 @@ def check_observation(
     if len(boxes) and key.is_stated and not key.needs_elements:
         observation.problems.append("there are boxes, and no plan needs them")
     observation.problems += _plan_problems(line, logged, plan)
-    observation.problems += _picture_problems(folder, line, clean, plan)
+    observation.problems += _picture_problems(folder, line, clean, plan, key.has_page_layer)
     observation.problems += _action_problems(line, plan, key.allow_code)
     text = line.get("said")
     if text is not None and not isinstance(text, str):
@@ -124,14 +126,16 @@ def _plan_problems(line: Mapping[str, Any], logged: Plan, plan: Plan) -> list[st
 
 
 def _picture_problems(
-    folder: Path, line: Mapping[str, Any], clean: UInt8Array, plan: Plan
+    folder: Path, line: Mapping[str, Any], clean: UInt8Array, plan: Plan, has_page_layer: bool
 ) -> list[str]:
     name = line["image"]
     stored = line.get("seen")
     agent_digest = line.get("seen_sha256")
     problems: list[str] = []
     is_rendered = line.get(LAYER) is not None and stored is not None
-    if is_rendered:
+    if is_rendered and not has_page_layer:
+        problems.append(f"{LAYER}: the browser drew nothing in this run, so pixels must be equal")
+    elif is_rendered:
         problems += _rendered_problems(folder, line, plan)
     elif pixel_sha256(apply(plan, clean) if plan.ops else clean) != agent_digest:
         problems.append(f"{name}: disturbed again it is not what the agent saw (seen_sha256)")
