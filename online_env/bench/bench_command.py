@@ -38,6 +38,7 @@ from .machine_options import MORE, machine_options
         "ray_address",
         "recovery",
         "replay",
+        "severities",
         "sign",
         "until_retention",
     ),
@@ -57,6 +58,11 @@ from .machine_options import MORE, machine_options
     help="Tasks, instead of those of CONFIG: write_note, my_task.py:MyTask.",
 )
 @conditions_option
+@click.option(
+    "--severities",
+    metavar="1-5",
+    help="Each corruption at these levels, of those that have levels: a curve in the report.",
+)
 @click.option(
     "--seeds",
     type=click.IntRange(1, 10_000),

@@ -25,7 +25,13 @@ from hijack_data.config.nodes import (
     kind_of,
 )
 from hijack_data.config.yaml_reader import read_yaml
-from hijack_data.corruption import SETS, check_not_broken, corruption_names, make_corruption
+from hijack_data.corruption import (
+    SETS,
+    Corruption,
+    check_not_broken,
+    corruption_names,
+    make_corruption,
+)
 from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError, suggest
 from hijack_data.loading import find_source
 from hijack_data.params import Parameter
@@ -336,6 +342,58 @@ def override(
     if seeds is not None:
         bench = replace(bench, seeds=tuple(range(seeds)))
     return bench
+
+
+def at_severities(bench: Bench, text: str | None) -> Bench:
+    """Return the benchmark with each corruption at several severities, labelled `marks_s1`.
+
+    A corruption without levels stays as it is: it happens or not.
+
+    Args:
+        bench: the benchmark.
+        text: levels such as `1-5` or `1,3,5`; `None` for no change.
+
+    Raises:
+        ParameterError: the text is no list of levels, or a corruption is a combination or has
+            parameters of its own.
+    """
+    if text is None:
+        return bench
+    levels = _parse_levels(text)
+    planners: dict[str, Planner | None] = {}
+    for label, planner in bench.planners.items():
+        if planner is not None and (
+            not isinstance(planner, Corruption) or planner != type(planner)()
+        ):
+            raise ParameterError(
+                f"--severities: {label!r} is not a corruption with its default parameters, so its"
+                " levels are not known; leave it out with --corruptions, or list levels in the file"
+            )
+        if isinstance(planner, Corruption) and planner.severities:
+            planners |= {f"{label}_s{level}": type(planner).at(level) for level in levels}
+        else:
+            planners[label] = planner
+    return replace(bench, corruptions=planners)
+
+
+def _parse_levels(text: str) -> list[int]:
+    """Return the levels in `1-5` or `1,3,5`.
+
+    Raises:
+        ParameterError: it has another form.
+    """
+    levels: list[int] = []
+    for part in text.split(","):
+        first, _, last = part.strip().partition("-")
+        if not (first.isdecimal() and (last or first).isdecimal()):
+            levels = []
+            break
+        levels += range(int(first), int(last or first) + 1)
+    if not levels or not set(levels) <= {1, 2, 3, 4, 5} or len(set(levels)) < len(levels):
+        raise ParameterError(
+            f"--severities: {text!r} must be levels of 1 to 5, such as 1-5 or 1,3,5"
+        )
+    return levels
 
 
 def end_at_retention(bench: Bench, retention: float | None) -> Bench:

@@ -22,7 +22,7 @@ from ..report.terminal import show
 from ..results import costs, records
 from ..results.stop_rule import SequentialTest
 from ..tasks import find_family
-from .config import Bench, end_at_retention, load_bench, on_machines, override
+from .config import Bench, at_severities, end_at_retention, load_bench, on_machines, override
 from .episodes import LiveEpisodes
 from .estimates import estimate, history_near
 from .jobs import Job, attempts, jobs
@@ -43,6 +43,7 @@ def run_command(
     agent: str | None,
     tasks: str | None,
     corruptions: str | None,
+    severities: str | None,
     seeds: int | None,
     desktops: int | None,
     recovery: Recovery | None,
@@ -85,7 +86,7 @@ def run_command(
         environment_errors,
     )
     benchmark = replace(
-        benchmark,
+        at_severities(benchmark, severities),
         guard=find_guard(guard) if guard else "",
         in_process=in_process,
         agent_memory=agent_memory or 0.0,

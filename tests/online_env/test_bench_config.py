@@ -12,7 +12,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from online_env import tasks
 from online_env.agents.registry import AGENTS
-from online_env.bench.config import Bench, all_planners, load_bench, override
+from online_env.bench.config import Bench, all_planners, at_severities, load_bench, override
 from online_env.bench.jobs import Job, jobs
 from online_env.bench.providers import check_installed
 from online_env.errors import MissingPackageError
@@ -252,3 +252,22 @@ def test_a_run_whose_applications_are_missing_is_refused_with_the_profile(monkey
         check_installed("embedded", ["write_note", "crop_picture"])
     check_installed("embedded", ["write_note"])
     check_installed("mine", ["crop_picture"])
+
+
+def test_corruptions_at_several_severities():
+    bench = Bench(corruptions={"clean": None, "m": hj.Marks(), "lock": hj.Verification()})
+    planners = at_severities(bench, "1,4-5").planners
+    assert planners == {
+        "clean": None,
+        "m_s1": hj.Marks.at(1),
+        "m_s4": hj.Marks.at(4),
+        "m_s5": hj.Marks.at(5),
+        "lock": hj.Verification(),
+    }
+    assert at_severities(bench, None) is bench
+    for text in ("0-3", "1,1", "4-2", "harsh", ""):
+        with pytest.raises(ParameterError, match=r"levels of 1 to 5, such as 1-5"):
+            at_severities(bench, text)
+    own = Bench(corruptions={"small": hj.PopUps(width=100)})
+    with pytest.raises(ParameterError, match=r"'small' is not a corruption with its default"):
+        at_severities(own, "1-5")
