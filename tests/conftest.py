@@ -10,7 +10,7 @@ import hypothesis
 import numpy as np
 import pytest
 
-from hijack_data import registry
+from hijack_data import loading, registry
 from hijack_data.kernels.cpu import jit
 
 from support import parts
@@ -92,7 +92,18 @@ def is_slow(path: Path) -> bool:
 def forgotten_names() -> Iterator[None]:
     """What a test registers is unknown to the next one, whose messages list all names."""
     before = {item.group: set(item.entries) for item in registry.registries()}
+    files, listed = dict(loading._files), set(loading._listed)
+    variable = os.environ.get(loading.VARIABLE)
     yield
+    if loading._files.keys() != files.keys() or os.environ.get(loading.VARIABLE) != variable:
+        # A file of a test; the variable names it to every process that begins later.
+        loading._files.clear()
+        loading._files.update(files)
+        loading._listed.clear()
+        loading._listed.update(listed)
+        os.environ.pop(loading.VARIABLE, None)
+        if variable is not None:
+            os.environ[loading.VARIABLE] = variable
     for item in registry.registries():
         for name in set(item.entries) - before.get(item.group, set()):
             # What stands for an agent of a user, or of a file, is an object of a class of ours.
