@@ -165,9 +165,7 @@ def test_a_client_gets_nodes_in_every_page_and_leaves_nothing_when_it_vanishes(u
 
 
 def test_playwright_drives_it(url: str) -> None:
-    playwright = pytest.importorskip(
-        "playwright.sync_api", reason="needs Playwright; pip install playwright"
-    )
+    playwright = pytest.importorskip("playwright.sync_api", reason=needs.PLAYWRIGHT)
     with browser_up("--corruption", "pop_ups") as (address, _), playwright.sync_playwright() as api:
         browser = api.chromium.connect_over_cdp(address)
         for context in (browser.contexts[0], browser.new_context()):

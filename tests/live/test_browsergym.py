@@ -8,10 +8,7 @@ import pytest
 
 from support import needs
 
-pytest.importorskip(
-    "browsergym.miniwob",
-    reason="needs browsergym-miniwob; pip install it into an environment of its own",
-)
+pytest.importorskip("browsergym.miniwob", reason=needs.BROWSERGYM)
 pytest.importorskip("miniwob", reason=needs.BROWSER)
 
 import gymnasium

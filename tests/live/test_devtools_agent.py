@@ -10,7 +10,7 @@ import pytest
 from support import needs
 
 pytest.importorskip("miniwob", reason=needs.BROWSER)
-pytest.importorskip("websocket", reason="needs websocket-client; pip install websocket-client")
+pytest.importorskip("websocket", reason=needs.WEBSOCKET)
 
 AGENT = """\
 import json

@@ -107,6 +107,9 @@ def test_every_reason_comes_from_there():
         reasons = re.findall(r"importorskip\(([^)]*)\)", text)
         ours = tuple(
             f"reason=needs.{name}"
-            for name in ("ONLINE", "HF", "INSPECT", "RAY", "OCR", "SERVE", "BROWSER")
+            for name in (
+                *("ONLINE", "HF", "INSPECT", "RAY", "OCR", "SERVE", "BROWSER", "MCP"),
+                *("PLAYWRIGHT", "WEBSOCKET", "BROWSERGYM"),
+            )
         )
         assert all(reason.endswith(ours) for reason in reasons), path
