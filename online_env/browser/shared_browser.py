@@ -1,5 +1,6 @@
 """`SharedBrowser`: a corrupted Chromium that a DevTools client of the user drives."""
 
+import os
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -49,8 +50,8 @@ class SharedBrowser(BrowserDesktop):
         port: Of the loopback interface; 0 for a free one.
 
     Raises:
-        ParameterError: The corruption resizes the picture or cuts the network, or the port is in
-            use.
+        ParameterError: The corruption resizes the picture or cuts the network, the port is in use,
+            or there is no display for windows.
         MissingPackageError: There is no Chromium, or it is too old.
         DesktopError: Chromium does not start.
     """
@@ -66,6 +67,10 @@ class SharedBrowser(BrowserDesktop):
         headed: bool = False,
         port: int = 0,
     ) -> None:
+        if headed and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise ParameterError(
+                "a browser with windows needs a display, and DISPLAY is not set: leave out --headed"
+            )
         self.is_headed = headed
         self._planner = planner
         self._seed = seed
