@@ -301,19 +301,19 @@ def _moved(
 
 def _is_complete(calls: Sequence[PyautoguiCall]) -> bool:
     """Return whether an action releases all that it presses, and nothing else."""
-    held: list[tuple[str, Value]] = []
+    down: list[tuple[str, Value]] = []
     for call in calls:
         name = call.function
         if name not in (*_HOLDS, *_HOLDS.values()):
             continue
         pressed = _bind(call).get("key" if name.startswith("key") else "button")
         if name in _HOLDS:
-            held.append((_HOLDS[name], pressed))
-        elif (name, pressed) in held:
-            held.remove((name, pressed))
+            down.append((_HOLDS[name], pressed))
+        elif (name, pressed) in down:
+            down.remove((name, pressed))
         else:
             return False
-    return not held
+    return not down
 
 
 def _drop(source: ParsedSource, calls: Sequence[PyautoguiCall], size: Size) -> str:

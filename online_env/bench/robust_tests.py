@@ -187,12 +187,12 @@ def _run_folder(item: pytest.Function) -> Path:
 
 def _play(command: Sequence[str]) -> None:
     """Run a benchmark in a process of its own."""
-    done = subprocess.run(
+    process = subprocess.run(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False
     )
-    if done.returncode not in PLAYED:
-        output = done.stdout[-MAX_OUTPUT_CHARS:]
-        _fail(f"the benchmark ended with exit code {done.returncode}:\n{output}")
+    if process.returncode not in PLAYED:
+        output = process.stdout[-MAX_OUTPUT_CHARS:]
+        _fail(f"the benchmark ended with exit code {process.returncode}:\n{output}")
 
 
 def _judge(item: pytest.Function, run: reading.Run, chosen: RobustMark) -> None:

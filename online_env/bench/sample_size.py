@@ -82,12 +82,12 @@ def sample_size_lines(
             yield f"  {quantity(tasks, 'task')} x {quantity(seeds, 'seed')}: " + _costs(
                 estimates, cases / case_count, desktops, cases * len(bench.planners)
             )
-        seen = detectable_effect(len(bench.tasks), POWER, level) if len(bench.tasks) > 2 else None
-        if seen is not None:
-            seen *= variance.spread(len(bench.seeds))
+        loss = detectable_effect(len(bench.tasks), POWER, level) if len(bench.tasks) > 2 else None
+        if loss is not None:
+            loss *= variance.spread(len(bench.seeds))
             yield (
                 f"  {bench.source}, {quantity(len(bench.tasks), 'task')} x"
-                f" {quantity(len(bench.seeds), 'seed')}, shows {min(100.0, 100 * seen):.1f} points"
+                f" {quantity(len(bench.seeds), 'seed')}, shows {min(100.0, 100 * loss):.1f} points"
             )
 
 

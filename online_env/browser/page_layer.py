@@ -68,16 +68,16 @@ class PageLayer:
             plan: What was drawn.
             picture: Of the screen since then, uint8 RGB `[H, W, 3]`.
         """
-        shown = self._browser.examine("agenthijackLayer.look()", self._page)
+        drawing = self._browser.examine("agenthijackLayer.look()", self._page)
         planned = [
             (x, y, *reversed(render(op.sprite).size))
             for op in plan.ops
             if isinstance(op, Paste)
             for x, y in op.at
         ]
-        boxes: list[list[float]] = shown["boxes"]
+        boxes: list[list[float]] = drawing["boxes"]
         height, width = plan.size
-        area = min(int(shown["area"][1]), height), min(int(shown["area"][0]), width)
+        area = min(int(drawing["area"][1]), height), min(int(drawing["area"][0]), width)
         pixels, difference = compare_painted(plan, picture, area)
         offset = 0.0
         if len(boxes) == len(planned):
@@ -85,13 +85,13 @@ class PageLayer:
         facts = {
             "kind": "dom",
             "nodes": len(boxes),
-            "texts": sorted({text for text in shown["texts"] if text}),
+            "texts": sorted({text for text in drawing["texts"] if text}),
             "area": list(area),
             "pixels": pixels,
             "difference": difference,
         }
         problem = ""
-        if not shown["shown"]:
+        if not drawing["shown"]:
             problem = "the page does not show the nodes"
         elif len(boxes) != len(planned) or offset > MAX_OFFSET:
             problem = f"{len(boxes)} of {len(planned)} nodes are there, off by {offset:.1f} pixels"
@@ -106,14 +106,18 @@ class PageLayer:
             DesktopError: The page does not answer.
         """
         page, self._page = self._page, None
-        left = 0
+        remaining = 0
         if page is not None and page in self._browser.pages:
             try:
-                left = int(self._browser.examine("globalThis.agenthijackLayer?.erase()", page) or 0)
+                remaining = int(
+                    self._browser.examine("globalThis.agenthijackLayer?.erase()", page) or 0
+                )
             except DesktopError:
                 if page in self._browser.pages and not page.problem:
                     raise
-        return Undone(not left, {"nodes": left}, f"{left} nodes are left" if left else "")
+        return Undone(
+            not remaining, {"nodes": remaining}, f"{remaining} nodes are left" if remaining else ""
+        )
 
 
 def layer_data(plan: Plan, scale: float) -> dict[str, Any]:

@@ -141,9 +141,9 @@ class PlaywrightBrowser(BrowserDesktop):
     def close_page(self, page: BrowserPage) -> None:
         """Close a page; the one that was used before it comes to the front."""
         cast("PlaywrightPage", page).page.close()
-        others = [other for other in self.pages if other is not page]
-        if others:
-            self.show(others[-1])
+        other_pages = [other for other in self.pages if other is not page]
+        if other_pages:
+            self.show(other_pages[-1])
 
     def tidy(self) -> None:
         """Close pages of ours that the agent has left; what it went to comes to the front."""
@@ -221,8 +221,8 @@ class PlaywrightBrowser(BrowserDesktop):
         if self._wall is None or not request.is_navigation_request():
             route.fallback()
             return
-        given = parse_qs(request.post_data or "").get("password", [""])[0]
-        if given == self._wall:
+        password = parse_qs(request.post_data or "").get("password", [""])[0]
+        if password == self._wall:
             self._wall = None
             route.fulfill(status=303, headers={"Location": request.url})
             return

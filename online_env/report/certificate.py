@@ -359,9 +359,9 @@ def _bound(
             return tasks, bets.bound(confidence), BETTING
         tasks = score_tasks(counted_records(run), agent, shares)
         if tasks.is_binary and tasks.clean.any():
-            kept = int(tasks.corrupted[tasks.clean == 1].sum())
+            successes = int(tasks.corrupted[tasks.clean == 1].sum())
             trials = int(tasks.clean.sum())
-            return tasks, clopper_pearson_lower(kept, trials, confidence), CLOPPER_PEARSON
+            return tasks, clopper_pearson_lower(successes, trials, confidence), CLOPPER_PEARSON
         return tasks, gaffke_retention_bound(tasks.clean, tasks.corrupted, confidence), GAFFKE
     except ParameterError as error:
         raise CertificateError(f"{run.folder}: {error}") from None

@@ -14,7 +14,7 @@ from hijack_data.runs.amounts import is_amount
 
 from ..results import scores
 from ..results.episode_columns import CellEpisodes
-from ..results.intervals import Floats64
+from ..results.intervals import Floats64, number_tasks
 from ..results.reading import ResultRecord
 from .identity import severity_level
 from .model import Equivalence, MeasureChange, RunIdentity, SeverityCurve
@@ -136,9 +136,9 @@ def equivalence_tests(groups: scores.GroupedRecords, margin: float) -> Iterator[
     from ..results.mean_bounds import mean_p_value
 
     rows: list[Equivalence] = []
-    for (agent, label), cell in groups.scored.items():
-        before, after, tasks = scores.pairs(groups.scored.get((agent, CLEAN), {}), cell)
-        if label == CLEAN or not len(tasks):
+    for agent, label in groups.scored:
+        before, after, tasks = scores.pairs_in_cell((agent, label), groups)
+        if not len(tasks):
             continue
         changes = _task_means(after, tasks) - _task_means(before, tasks)
         rows.append(
@@ -245,11 +245,7 @@ def _values(
 
 def _task_means(values: Sequence[float], tasks: Sequence[Hashable]) -> Floats64:
     """Return the mean of each task, float64 `[tasks]`, in the order of first appearance."""
-    if isinstance(tasks, np.ndarray):
-        numbers = np.unique(tasks, return_inverse=True)[1]
-        return np.bincount(numbers, weights=values) / np.bincount(numbers)
-    place = {task: number for number, task in enumerate(dict.fromkeys(tasks))}
-    numbers = [place[task] for task in tasks]
+    numbers = number_tasks(tasks)
     return np.bincount(numbers, weights=values) / np.bincount(numbers)
 
 

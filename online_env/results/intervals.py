@@ -351,16 +351,19 @@ def differences_by_task(
 def scores_by_task(scores: Sequence[float], tasks: Sequence[Hashable]) -> tuple[Floats64, Floats64]:
     """Return the sum and the number of scores of each task, in the order of first appearance."""
     check_scores(scores, tasks)
-    numbers: Any
-    if isinstance(tasks, np.ndarray):
-        _, first, numbers = np.unique(tasks, return_index=True, return_inverse=True)
-        numbers = np.argsort(np.argsort(first))[numbers]
-    else:
-        place = {task: number for number, task in enumerate(dict.fromkeys(tasks))}
-        numbers = [place[task] for task in tasks]
+    numbers = number_tasks(tasks)
     sums: Any = np.bincount(numbers, weights=np.asarray(scores, np.float64))
     counts: Any = np.bincount(numbers)
     return sums.astype(np.float64), counts.astype(np.float64)
+
+
+def number_tasks(tasks: Sequence[Hashable]) -> Any:
+    """Return the number of the task of each case, from 0 in the order of first appearance."""
+    if isinstance(tasks, np.ndarray):
+        _, first, numbers = np.unique(tasks, return_index=True, return_inverse=True)
+        return np.argsort(np.argsort(first))[numbers]
+    number_by_task = {task: number for number, task in enumerate(dict.fromkeys(tasks))}
+    return [number_by_task[task] for task in tasks]
 
 
 def _distinct(tasks: Sequence[Hashable]) -> Sequence[Hashable]:

@@ -328,11 +328,11 @@ def _merged_cells(episodes: EpisodeColumns, starts: Sequence[int]) -> list[str]:
     merged: dict[str, None] = {}
     seen = np.zeros(0, np.int64)
     for source in np.split(keys, starts[1:]) if len(starts) > 1 else ():
-        own = np.unique(source)
-        for cell in np.unique(np.intersect1d(own, seen) // len(episodes.tasks)).tolist():
+        cells = np.unique(source)
+        for cell in np.unique(np.intersect1d(cells, seen) // len(episodes.tasks)).tolist():
             agent, condition = divmod(cell, len(episodes.conditions))
             merged[f"{episodes.agents[agent]} under {episodes.conditions[condition]}"] = None
-        seen = np.union1d(seen, own)
+        seen = np.union1d(seen, cells)
     return list(merged)
 
 
