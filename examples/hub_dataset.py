@@ -7,12 +7,13 @@ recordings are ours, under Apache-2.0.
 """
 
 import argparse
+import subprocess
+import sys
 from pathlib import Path
 
 from datasets import load_dataset
 from huggingface_hub import DatasetCard
 
-from hijack_data.cli import hijack
 from hijack_data.paths import example_recordings
 from pipelines import build, verify
 from pipelines.exports.hub import push_to_hub
@@ -34,7 +35,7 @@ def main() -> None:
     recordings, dataset = options.out / "recordings", options.out / "dataset"
     if not recordings.exists():
         words = ["desktop", "record", "--task", BROWSER_TASK, "-o", str(recordings)]
-        hijack.main(args=words, standalone_mode=False)
+        subprocess.run([sys.executable, "-m", "hijack_data", *words], check=True)
     sources = [example_recordings(), recordings]
     report = build(sources, dataset, corruptions=CORRUPTIONS, seed=7, resume=True)
     print(*report.lines(), sep="\n")
