@@ -33,17 +33,6 @@ def parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
-def test_no_conditional_expression_holds_another():
-    nested = [
-        f"{path}:{node.lineno}"
-        for path in files(*PACKAGES)
-        for node in ast.walk(parsed(path))
-        if isinstance(node, ast.IfExp)
-        and any(isinstance(part, ast.IfExp) for part in ast.walk(node) if part is not node)
-    ]
-    assert nested == []
-
-
 def test_the_formatter_is_never_switched_off():
     marks = ("# fmt: " + "skip", "# fmt: " + "off")
     every = files(*PACKAGES, "tests", "benchmarks", "examples")
