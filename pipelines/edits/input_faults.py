@@ -52,9 +52,14 @@ RELATIVE = "the action moves the pointer by a distance, so doing it again would 
 _BEFORE = -1
 
 
+def describe_fault(fault: InputFault) -> str:
+    """Return what a fault did to the last action, in a sentence."""
+    return EVENTS[fault.fault].format(times=fault.times)
+
+
 def fault_step(fault: InputFault, *, inserted: bool) -> EditedStep:
     """Return the step after an action that a fault hit; its picture is a recorded one."""
-    event = EVENTS[fault.fault].format(times=fault.times)
+    event = describe_fault(fault)
     return EditedStep(ops=(), event=event, fidelity="recorded", inserted=inserted)
 
 

@@ -19,13 +19,7 @@ from .base import Rejected, register
 from .fields import FieldError, JsonObject
 from .file_head import FileHead
 from .folder_reader import EpisodeFolder, FolderReader
-from .recorded_actions import (
-    PYAUTOGUI,
-    AlteredStep,
-    RecordedStep,
-    first_action,
-    raw_action_text,
-)
+from .recorded_actions import PYAUTOGUI, AlteredStep, RecordedStep, first_action, raw_action_text
 from .recording_facts import RecordedTrajectory
 from .safe_files import image_size, inside, parse_file, relative_name
 
