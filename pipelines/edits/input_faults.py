@@ -6,8 +6,8 @@ A row is made only where the recording proves its picture.
   the *lost* action, an inserted step on the same picture, whose action is the same again, and the
   step after it.
 * What an action led to that arrived twice or beside its target is known only to a run that was
-  played under this very fault. Its steps are rows: the action as the agent did it, and the screen
-  that followed, with the agent's next action.
+  played under this very fault and solved. Its steps are rows: the action as the agent did it, and
+  the screen that followed with what the agent did next, if later steps show that this was right.
 """
 
 import itertools
@@ -33,7 +33,7 @@ from .base import EditedStep, NotApplicable
 EVENTS: Mapping[FaultKind, str] = {
     "drop": "The last action did not arrive: nothing was pressed.",
     "repeat": "The last action arrived {times} times.",
-    "offset": "The pointer slipped: the last action landed beside its target.",
+    "offset": "The pointer slipped: the last action landed beside where it aimed.",
 }
 NEVER_HIT = "no action from the step on at which it acts presses anything that it could hit"
 NO_PICTURE = (
@@ -47,6 +47,13 @@ OTHER_FAULT = (
 NOTHING_AFTER = (
     "the run has no step after the fault: the episode ended there, or was not solved, so nothing"
     " says that what the agent did next was right"
+)
+NOT_REPAIRED = (
+    "the run does not show that the agent put the slip right: neither of the next two steps does"
+    " the action again"
+)
+DONE_TWICE = (
+    "the run does not show that what the agent did next was right: it did the same once more later"
 )
 RELATIVE = "the action moves the pointer by a distance, so doing it again would lead elsewhere"
 _BEFORE = -1
@@ -83,13 +90,15 @@ def fault_steps(
     steps = sample.trajectory.steps
     position = sample.position
     follows = position > 0 and steps[position - 1].index == sample.step.index - 1
+    # The screen after a step that the machine received otherwise is not the one after its action.
+    is_altered = follows and isinstance(steps[position - 1], AlteredStep)
     before = faults.hit(position - 1) if follows else None
     hit = faults.hit(position)
     if before is not None and before.is_recorded and not before.problem:
         yield before.plan, fault_step(before.fault, inserted=False)
     elif hit is not None and not hit.problem:
         yield hit.plan, None
-    elif before is not None and not before.problem:
+    elif before is not None and not before.problem and not is_altered:
         yield before.plan, None
     if hit is not None and hit.problem:
         raise NotApplicable(hit.problem)
@@ -140,12 +149,13 @@ class _RecordingFaults:
         recorded = step.faults if isinstance(step, AlteredStep) else ()
         for _, plan in self._plans(step.index) if recorded else ():
             for fault in plan.inputs:
-                if any(_are_same(fault, other) for other in recorded):
-                    problem = "" if self._goes_on(position) else NOTHING_AFTER
+                is_recorded = any(_are_same(fault, other) for other in recorded)
+                if is_recorded and fault.fault != "drop":
+                    problem = self._unproved(position, fault)
                     return _Hit(replace(plan, inputs=(fault,)), is_recorded=True, problem=problem)
         for number, plan in self._newest(position):
             for fault in plan.inputs:
-                if self._first_hit(fault, number) == position:
+                if self._is_hit(fault, number, position):
                     problem = _problem(fault, step, recorded)
                     return _Hit(replace(plan, inputs=(fault,)), problem=problem)
         return None
@@ -157,13 +167,23 @@ class _RecordingFaults:
             NotApplicable: it waits in vain.
         """
         for number, plan in self._newest(len(self._steps) - 1):
-            if all(self._first_hit(fault, number) is None for fault in plan.inputs):
+            actions = [_calls(step) for step in self._steps[max(0, number) :]]
+            if not any(can_hit(fault, calls) for fault in plan.inputs for calls in actions):
                 raise NotApplicable(NEVER_HIT)
 
-    def _goes_on(self, position: int) -> bool:
-        """Return whether the step after a position is in the recording."""
-        following = self._steps[position + 1 : position + 2]
-        return bool(following) and following[0].index == self._steps[position].index + 1
+    def _unproved(self, position: int, fault: InputFault) -> str:
+        """Return why what the agent did after a recorded fault may be wrong; `""` if it was right.
+
+        A slip is put right if the action is done again at once, or after one other action, such as
+        closing what opened. An action that the agent did again later may have been wrong.
+        """
+        step, *later = self._steps[position:]
+        if not later or later[0].index != step.index + 1:
+            return NOTHING_AFTER
+        codes = [other.action_code for other in later]
+        if fault.fault == "offset":
+            return "" if step.action_code in codes[:2] else NOT_REPAIRED
+        return DONE_TWICE if codes[0] in codes[1:] else ""
 
     def _newest(self, position: int) -> Iterator[tuple[int, Plan]]:
         """Yield the newest plan with faults at or before a position, and its step, if any."""
@@ -188,12 +208,11 @@ class _RecordingFaults:
             if plan.inputs:
                 yield number, plan
 
-    def _first_hit(self, fault: InputFault, number: int) -> int | None:
-        """Return the first position, from a step on, whose action a fault can hit."""
-        for position in range(max(0, number), len(self._steps)):
-            if can_hit(fault, _calls(self._steps[position])):
-                return position
-        return None
+    def _is_hit(self, fault: InputFault, number: int, position: int) -> bool:
+        """Return whether a fault that waits from a step on hits the action at a position."""
+        places = (position, *range(max(0, number), position))  # most actions settle it alone
+        hits = (can_hit(fault, _calls(self._steps[place])) for place in places)
+        return next(hits) and not any(hits)
 
 
 def _problem(fault: InputFault, step: Step, recorded: Sequence[InputFault]) -> str:

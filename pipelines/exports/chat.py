@@ -1,8 +1,9 @@
 """Chat rows for supervised fine-tuning, as LLaMA-Factory reads them (format `sharegpt`).
 
 `train.jsonl` has one line per example with `messages` and `images`, `images/SHARD/NUMBER.png` is
-its screenshot, `images/SHARD/NUMBER-previous.png` that of the step before, where it has one, and `dataset_info.json` describes both to LLaMA-Factory: `dataset_dir: OUT`,
-`media_dir: OUT`, `dataset: agenthijack`.
+its screenshot (with `NUMBER-previous.png`, that of the step before, after a fault of the input),
+and `dataset_info.json` describes both to LLaMA-Factory: `dataset_dir: OUT`, `media_dir: OUT`,
+`dataset: agenthijack`.
 """
 
 import json

@@ -148,8 +148,8 @@ def export(
         progress: called with rows done, rows in all, and a text.
 
     Raises:
-        BuildError: `out` exists already or cannot be written, no row has a reminder or an event (`onlooker`),
-            or `balance` is given with another format.
+        BuildError: `out` exists already or cannot be written, no row has a reminder or an event
+            (`onlooker`), or `balance` is given with another format.
         DatasetError: the folder is not a finished dataset, or a row is damaged.
         ParameterError: `balance` is out of range.
         UnknownNameError: there is no such format or dialect.

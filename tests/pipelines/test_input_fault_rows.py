@@ -16,7 +16,7 @@ import hijack_data as hj
 from hijack_data.errors import HijackError
 from online_env.environment import CorruptedEnv
 from pipelines import build, open_dataset, verify
-from pipelines.edits.input_faults import NO_PICTURE, OTHER_FAULT
+from pipelines.edits.input_faults import DONE_TWICE, NO_PICTURE, NOT_REPAIRED, OTHER_FAULT
 from pipelines.exports import export
 from pipelines.readers import Rejected, get_reader
 
@@ -50,7 +50,8 @@ def test_a_lost_action_is_done_again_on_the_screen_that_was_before_it(recording,
     first, again, after = lost[:3]
     assert [row["event"] for row in lost[:3]] == [None, LOST, None]
     assert [row["fidelity"] for row in lost[:3]] == ["exact", "recorded", "exact"]
-    assert again["inserted"] and again["reminder"] is None
+    assert again["inserted"]
+    assert again["reminder"] is None
     for row, step in ((first, 1), (again, 1), (after, 2)):
         assert np.array_equal(row["screenshot"], clean[step]["screenshot"])
         for name in ("action", "action_code", "target_box", "step"):
@@ -58,7 +59,8 @@ def test_a_lost_action_is_done_again_on_the_screen_that_was_before_it(recording,
         assert [fault.fault for fault in hj.Plan.from_json(row["plan"]).inputs] == ["drop"]
     assert report.rows["lost"] == 6
     assert "The pictures of events" not in (out / "README.md").read_text()
-    assert verify(out).ok and verify(out, source=source).ok
+    assert verify(out).ok
+    assert verify(out, source=source).ok
 
 
 def test_exports_of_a_lost_action_have_the_action_before(recording, tmp_path):
@@ -93,7 +95,8 @@ def test_exports_of_a_lost_action_have_the_action_before(recording, tmp_path):
     assert lost["summary"] == f"The agent clicked at (101, 50). Not the agent's doing: {LOST}"
     assert lost["before"]["bytes"] == lost["after"]["bytes"]
     arrived = summaries["t0/0001/missed_input+drop"]
-    assert arrived["id"] == "t0/0002/missed_input" and arrived["changed"] > 0.5
+    assert arrived["id"] == "t0/0002/missed_input"
+    assert arrived["changed"] > 0.5
     assert not (tmp_path / "onlooker/reminders").exists()
 
 
@@ -162,12 +165,14 @@ def no_waiting(monkeypatch):
     monkeypatch.setattr("online_env.environment.episode.WAIT_S", 0.0)
 
 
-def played(folder: Path, name: str | None, score: float = 1.0) -> dict[str, Any]:
+def played(
+    folder: Path, name: str | None, score: float = 1.0, later: tuple[str, ...] = (BACK, CLICK)
+) -> dict[str, Any]:
     """An episode whose action at step 1 is hit, and which then goes on; its record."""
     spec = None if name is None else hj.make_corruption(name, step=1)
     env = CorruptedEnv(FakeStage(score=score), corruption=spec, settle=AT_ONCE, log=folder)
     env.reset(seed=3)
-    for action in ("WAIT", CLICK, BACK, "DONE"):
+    for action in ("WAIT", CLICK, *later, "DONE"):
         env.step(action)
     assert env.record["status"] == "ok"
     return env.record
@@ -176,7 +181,7 @@ def played(folder: Path, name: str | None, score: float = 1.0) -> dict[str, Any]
 EVENTS = {
     "missed_input": LOST,
     "repeated_input": "The last action arrived 2 times.",
-    "slipped_pointer": "The pointer slipped: the last action landed beside its target.",
+    "slipped_pointer": "The pointer slipped: the last action landed beside where it aimed.",
 }
 
 
@@ -189,12 +194,14 @@ def test_a_run_under_a_fault_proves_what_followed_it(name, tmp_path):
     report = build(tmp_path / "run", tmp_path / "set", corruptions=f"{name}:step=1", seed=3)
     assert report.exit_code == 0
     rows = rows_of(tmp_path / "set", name)
-    assert names(rows, record["id"]) == [f"0001/{name}", f"0002/{name}"]
-    assert [row["action_code"] for row in rows] == [CLICK, BACK]
+    is_lost = name == "missed_input"  # then any recording proves the picture before the action
+    after = f"0001/{name}+drop" if is_lost else f"0002/{name}"
+    assert names(rows, record["id"]) == [f"0001/{name}", after]
+    assert [row["action_code"] for row in rows] == [CLICK, CLICK if is_lost else BACK]
     assert [row["event"] for row in rows] == [None, EVENTS[name]]
     clean = rows_of(tmp_path / "set", "clean")
-    assert [row["action_code"] for row in clean] == ["WAIT", CLICK, BACK, "DONE"]
-    assert np.array_equal(rows[1]["screenshot"], clean[2]["screenshot"])
+    assert [row["action_code"] for row in clean] == ["WAIT", CLICK, BACK, CLICK, "DONE"]
+    assert np.array_equal(rows[1]["screenshot"], clean[1 if is_lost else 2]["screenshot"])
     assert json.loads(clean[1]["extra"])["input"]["sent"] == sent
     assert verify(tmp_path / "set").ok
     assert verify(tmp_path / "set", source=tmp_path / "run").ok
@@ -217,6 +224,21 @@ def test_what_no_run_shows_is_refused(tmp_path):
     corruptions = "slipped_pointer:step=1,distance=4"
     report = build(tmp_path / "run", tmp_path / "other", corruptions=corruptions, seed=3)
     assert report.not_applicable == {"slipped_pointer": {OTHER_FAULT: 1}}
+
+
+@pytest.mark.parametrize(
+    ("name", "later", "reason"),
+    [
+        ("slipped_pointer", (BACK, BACK, CLICK), NOT_REPAIRED),
+        ("repeated_input", (BACK, CLICK, BACK), DONE_TWICE),
+        ("repeated_input", (), None),
+    ],
+)
+def test_what_the_agent_did_next_must_have_been_right(name, later, reason, tmp_path):
+    played(tmp_path / "run", name, later=later)
+    report = build(tmp_path / "run", tmp_path / "set", corruptions=f"{name}:step=1", seed=3)
+    assert report.not_applicable == ({name: {reason: 1}} if reason else {})
+    assert report.rows[name] == (0 if reason else 2)
 
 
 def test_of_an_episode_that_was_lost_nothing_after_the_fault_is_read(tmp_path):

@@ -249,6 +249,6 @@ def _check_events(dataset: Dataset) -> None:
     reasons = [f"{name}: {reason}" for name in REMINDING for reason in unfit.get(name, {})]
     explanation = f" (not applicable there: {'; '.join(reasons)})" if reasons else ""
     raise BuildError(
-        f"{dataset.folder}: no row has a reminder or an event, so there is nothing for an onlooker to learn"
-        f" from; build it with --corruptions all, or with {' or '.join(REMINDING)}{explanation}"
+        f"{dataset.folder}: no row has a reminder or an event, so there is nothing for an onlooker"
+        f" to learn from; build it with --corruptions all, or with {' or '.join(REMINDING)}{explanation}"
     )
