@@ -49,11 +49,10 @@ NOTHING_AFTER = (
     " says that what the agent did next was right"
 )
 NOT_REPAIRED = (
-    "the run does not show that the agent put the slip right: neither of the next two steps does"
-    " the action again"
+    "the run does not show that the agent put the slip right: it did not do the action again"
 )
-DONE_TWICE = (
-    "the run does not show that what the agent did next was right: it did the same once more later"
+DONE_AGAIN = (
+    "the run does not show that what the agent did next was right: it did the same again later"
 )
 RELATIVE = "the action moves the pointer by a distance, so doing it again would lead elsewhere"
 _BEFORE = -1
@@ -174,16 +173,21 @@ class _RecordingFaults:
     def _unproved(self, position: int, fault: InputFault) -> str:
         """Return why what the agent did after a recorded fault may be wrong; `""` if it was right.
 
-        A slip is put right if the action is done again at once, or after one other action, such as
-        closing what opened. An action that the agent did again later may have been wrong.
+        A slip is put right once the same action arrives. What the agent did next was a part of
+        that, unless it had to be done again afterwards.
         """
         step, *later = self._steps[position:]
         if not later or later[0].index != step.index + 1:
             return NOTHING_AFTER
         codes = [other.action_code for other in later]
+        start = 0  # the action that puts right what the fault did
         if fault.fault == "offset":
-            return "" if step.action_code in codes[:2] else NOT_REPAIRED
-        return DONE_TWICE if codes[0] in codes[1:] else ""
+            again = [place for place, code in enumerate(codes) if code == step.action_code]
+            arrived = [place for place in again if not isinstance(later[place], AlteredStep)]
+            if not arrived:
+                return NOT_REPAIRED
+            start = arrived[0]
+        return DONE_AGAIN if codes[0] in codes[start + 1 :] else ""
 
     def _newest(self, position: int) -> Iterator[tuple[int, Plan]]:
         """Yield the newest plan with faults at or before a position, and its step, if any."""

@@ -16,13 +16,13 @@ import hijack_data as hj
 from hijack_data.errors import HijackError
 from online_env.environment import CorruptedEnv
 from pipelines import build, open_dataset, verify
-from pipelines.edits.input_faults import DONE_TWICE, NO_PICTURE, NOT_REPAIRED, OTHER_FAULT
+from pipelines.edits.input_faults import DONE_AGAIN, NO_PICTURE, NOT_REPAIRED, OTHER_FAULT
 from pipelines.exports import export
 from pipelines.readers import Rejected, get_reader
 
 from support.live import AT_ONCE, FakeStage
 
-CLICK, BACK = "pyautogui.click(20, 30)", "pyautogui.press('esc')"
+CLICK, BACK, TYPE = "pyautogui.click(20, 30)", "pyautogui.press('esc')", "pyautogui.write('a')"
 LOST = "The last action did not arrive: nothing was pressed."
 
 
@@ -229,8 +229,10 @@ def test_what_no_run_shows_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("name", "later", "reason"),
     [
-        ("slipped_pointer", (BACK, BACK, CLICK), NOT_REPAIRED),
-        ("repeated_input", (BACK, CLICK, BACK), DONE_TWICE),
+        ("slipped_pointer", (BACK, BACK, CLICK), None),
+        ("slipped_pointer", (BACK, BACK), NOT_REPAIRED),
+        ("slipped_pointer", (TYPE, BACK, CLICK, TYPE), DONE_AGAIN),
+        ("repeated_input", (BACK, CLICK, BACK), DONE_AGAIN),
         ("repeated_input", (), None),
     ],
 )

@@ -250,5 +250,6 @@ def _check_events(dataset: Dataset) -> None:
     explanation = f" (not applicable there: {'; '.join(reasons)})" if reasons else ""
     raise BuildError(
         f"{dataset.folder}: no row has a reminder or an event, so there is nothing for an onlooker"
-        f" to learn from; build it with --corruptions all, or with {' or '.join(REMINDING)}{explanation}"
+        " to learn from; build it with --corruptions all, or with"
+        f" {' or '.join(REMINDING)}{explanation}"
     )
