@@ -100,28 +100,22 @@ def test_exports_of_a_lost_action_have_the_action_before(recording, tmp_path):
     assert not (tmp_path / "onlooker/reminders").exists()
 
 
-@pytest.mark.parametrize(
-    ("change", "problem"),
-    [
-        ({"event": "The last action arrived 2 times."}, "event is"),
-        ({"inserted": False}, "inserted|id is"),
-        ({"action_code": "pyautogui.click(1, 1)"}, "action_code is"),
-        ({"reminder": "Do it again."}, "reminder is"),
-    ],
-)
-def test_verify_finds_another_label_of_a_lost_action(change, problem, recording, tmp_path):
+def test_verify_finds_another_label_of_a_lost_action(recording, tmp_path):
     out = tmp_path / "set"
     build(recording(trajectories=1), out, corruptions="missed_input:step=1")
     (path,) = out.glob("data/*.parquet")
     stored = pq.read_table(path)
-    rows = stored.to_pylist()
-    (row,) = (row for row in rows if row["inserted"])
-    row.update(change)
-    pq.write_table(type(stored).from_pylist(rows, schema=stored.schema), path)
-    assert any(
-        problem.split("|")[0] in text or problem.split("|")[-1] in text
-        for text in verify(out).problems
-    )
+    for change, problem in (
+        ({"event": "The last action arrived 2 times."}, "event is"),
+        ({"inserted": False}, "id is"),
+        ({"action_code": "pyautogui.click(1, 1)"}, "action_code is"),
+        ({"reminder": "Do it again."}, "reminder is"),
+    ):
+        rows = stored.to_pylist()
+        (row,) = (row for row in rows if row["inserted"])
+        row.update(change)
+        pq.write_table(type(stored).from_pylist(rows, schema=stored.schema), path)
+        assert any(problem in text for text in verify(out).problems)
 
 
 def test_actions_that_cannot_be_done_again_and_mixed_labels_are_refused(recording, tmp_path):
