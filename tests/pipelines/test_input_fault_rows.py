@@ -15,6 +15,7 @@ pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 import hijack_data as hj
 from hijack_data.errors import HijackError
 from online_env.environment import CorruptedEnv
+from online_env.scoring.cases import Selection, open_feed, select_cases
 from pipelines import build, open_dataset, verify
 from pipelines.edits.input_faults import DONE_AGAIN, NO_PICTURE, NOT_REPAIRED, OTHER_FAULT
 from pipelines.exports import export
@@ -98,6 +99,10 @@ def test_exports_of_a_lost_action_have_the_action_before(recording, tmp_path):
     assert arrived["id"] == "t0/0002/missed_input"
     assert arrived["changed"] > 0.5
     assert not (tmp_path / "onlooker/reminders").exists()
+
+    # an agent that is scored on one picture cannot know what happened
+    cases = select_cases(open_feed(tmp_path / "set", "steps"), "steps", Selection())
+    assert (cases.labels, cases.unchanged) == (("clean",), 3)
 
 
 def test_verify_finds_another_label_of_a_lost_action(recording, tmp_path):
