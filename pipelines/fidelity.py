@@ -8,7 +8,8 @@ FIDELITY_MEANINGS: Mapping[Fidelity, str] = {
     "exact": "a live desktop under the same plan shows the same pixels.",
     "recorded": (
         "the whole screen was really shown by a desktop of the asset pack, of the "
-        "recording's platform, though not by the recording's machine; nothing was drawn over it."
+        "recording's platform, though not by the recording's machine; or, after a fault of the "
+        "input, by the recording's own machine; nothing was drawn over it."
     ),
     "composited": (
         "recorded pixels of a desktop of the recording's platform, put together on the "

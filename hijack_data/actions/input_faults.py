@@ -205,7 +205,7 @@ def alter_code(code: str, fault: InputFault, size: Size, boxes: BoxArray) -> str
     """
     source = ParsedSource(code)
     calls = read_calls(source, LIVE_FUNCTIONS)
-    if not input_kinds(calls) & set(fault.of) or not _is_complete(calls):
+    if not can_hit(fault, calls):
         return None
     if fault.fault == "drop":
         return _drop(source, calls, size)
@@ -219,6 +219,16 @@ def alter_code(code: str, fault: InputFault, size: Size, boxes: BoxArray) -> str
     if fault.unit == "percent":
         shift = _scaled_shift(shift, point, boxes)
     return map_code(code, _Shifted(size, size, shift=_inside(shift, point, size)))
+
+
+def can_hit(fault: InputFault, calls: Sequence[PyautoguiCall]) -> bool:
+    """Return whether a fault can hit the action of some calls: it has such an input, as a whole."""
+    return bool(input_kinds(calls) & set(fault.of)) and _is_complete(calls)
+
+
+def is_relative(calls: Sequence[PyautoguiCall]) -> bool:
+    """Return whether calls move the pointer by a distance, so that their order and number count."""
+    return any("xOffset" in POINTER.get(call.function, ()) for call in calls)
 
 
 def input_kinds(calls: Sequence[PyautoguiCall]) -> set[InputKind]:

@@ -115,7 +115,7 @@ def _check_shows(plan: Plan) -> None:
     if plan.inputs and not plan.ops and not plan.effects:
         raise PlanError(
             f"{plan.corruption} changes what an agent does, and shows nothing on a picture; use it"
-            " in hijack bench or with CorruptedEnv"
+            " in hijack bench, or in hijack build for a recording"
         )
 
 

@@ -90,7 +90,7 @@ def corrupt_desktop(
     if spec.inputs:
         raise ParameterError(
             f"{spec.name} changes what an agent does, and no agent acts on this desktop; use it in"
-            " hijack bench"
+            " hijack bench, or in hijack build for a recording"
         )
     before = desktop.screenshot()
     tree = desktop.accessibility() if spec.needs_elements else None

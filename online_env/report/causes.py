@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, cast
 
 from hijack_data.actions import parse_pyautogui
-from hijack_data.corruption import corruption_names, find_corruption
+from hijack_data.corruption import CORRUPTIONS
 from hijack_data.errors import HijackError
 from hijack_data.plan import CLEAN
 from hijack_data.runs.run_log import EPISODES, STEPS
@@ -377,8 +377,11 @@ def _explain(lost: _Lost) -> tuple[str, int | None]:
 
 
 def _can_draw(name: str) -> bool:
-    """Return whether a corruption may change pictures: all but those that act on the machine."""
-    return name not in corruption_names() or not find_corruption(name).effects
+    """Return whether a corruption may change pictures; one that is not known here may."""
+    if name not in CORRUPTIONS:
+        return True
+    cls = CORRUPTIONS[name]
+    return not cls.effects and not cls.inputs
 
 
 def _are_same(first: str, second: str) -> bool:

@@ -27,6 +27,9 @@ def unscored_lines(run: Run) -> list[str]:
     unscored = run.config.get("unscored")
     if is_count(unscored) and unscored:
         lines.append(f"{unscored} rows have an action of no known type and are not scored")
+    unchanged = run.config.get("unchanged")
+    if is_count(unchanged) and unchanged:
+        lines.append(f"{unchanged} corrupted rows have the clean picture and are not scored")
     unpaired = run.config.get("unpaired")
     if is_count(unpaired) and unpaired:
         lines.append(f"{unpaired} corrupted rows have no clean one: they are not in the delta")

@@ -72,11 +72,14 @@ class CaseList:
     Args:
         cases: in the order of the dataset.
         unscored: rows that were left out because their action has no known type.
+        unchanged: corrupted rows that were left out because their picture is the clean one: what
+            happened, a fault of the input, shows with the step before only.
         unpaired: corrupted cases that have no clean one.
     """
 
     cases: tuple[Case, ...]
     unscored: int = 0
+    unchanged: int = 0
     unpaired: int = 0
     labels: tuple[str, ...] = field(default=())
 
@@ -122,7 +125,7 @@ def select_cases(feed: RowFeed, question: Question, selection: Selection) -> Cas
     rows_by_label: Counter[str] = Counter()
     splits: set[str] = set()
     trajectories: set[str] = set()
-    unscored = 0
+    unscored = unchanged = 0
     for number, (split, row) in enumerate(feed.heads()):
         splits.add(split)
         rows_by_label[row["corruption"]] += 1
@@ -131,21 +134,29 @@ def select_cases(feed: RowFeed, question: Question, selection: Selection) -> Cas
         if question == "steps" and row["action"]["type"] == UNSCORED:
             unscored += 1
             continue
+        if question == "steps" and row["corruption"] != CLEAN and row["changed_pixels"] == 0:
+            unchanged += 1
+            continue
         cases.append(_case(number, row))
     _check_names("--corruptions", selection.corruptions or (), rows_by_label)
     _check_names("--split", (selection.split,) if selection.split else (), splits)
     if not cases:
-        raise ParameterError(f"no row is left to score ({unscored} have no action of a known type)")
+        raise ParameterError(
+            f"no row is left to score ({unscored} have no action of a known type, {unchanged} the"
+            " picture of a clean row)"
+        )
     labels_left = {case.corruption for case in cases}
     for label in selection.corruptions or ():
         if label not in labels_left:
             raise ParameterError(
                 f"--corruptions: no row of {label!r} is left to score, though the dataset has"
                 f" {rows_by_label[label]}: see --split and --limit, or leave {label!r} out"
+                " (a fault of the input does not show on one picture)"
             )
     return CaseList(
         cases=tuple(cases),
         unscored=unscored,
+        unchanged=unchanged,
         unpaired=sum(_unpaired(cases)),
         labels=tuple(dict.fromkeys(case.corruption for case in cases)),
     )

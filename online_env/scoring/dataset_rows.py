@@ -16,7 +16,10 @@ from hijack_data.types import UInt8Array
 RowData: TypeAlias = dict[str, Any]
 EXPORT = "export.json"
 # What the cases are made of; the pictures are read when it is their turn.
-HEAD = ("id", "trajectory_id", "step", "corruption", "seed", "action", "reminder")
+HEAD = (
+    *("id", "trajectory_id", "step", "corruption", "seed"),
+    *("action", "reminder", "changed_pixels"),
+)
 _EXPORT_HEAD = ("id", "trajectory_id", "step", "corruption")
 
 

@@ -115,9 +115,11 @@ class ScoreRun:
         seeds = sorted({case.seed for case in self.cases.cases})
         in_process = {"in_process": True} if settings.in_process else {}
         guard = {"guard": settings.guard} if settings.guard else {}
+        unchanged = {"unchanged": self.cases.unchanged} if self.cases.unchanged else {}
         return {
             **in_process,
             **guard,
+            **unchanged,
             "kind": SCORE_RUN,
             "source": str(settings.dataset),
             "content": self._content,

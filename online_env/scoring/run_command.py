@@ -132,6 +132,7 @@ def _print_plan(run: ScoreRun, as_json: bool) -> None:
         "rows": counted,
         "total": len(cases.cases) * len(run.settings.agents),
         "unscored": cases.unscored,
+        "unchanged": cases.unchanged,
         "unpaired": cases.unpaired,
     }
     if as_json:
@@ -141,5 +142,7 @@ def _print_plan(run: ScoreRun, as_json: bool) -> None:
     echo(f"{planned['total']} rows for {', '.join(run.settings.agents)}: {listed}")
     if cases.unscored:
         echo(f"{cases.unscored} rows have an action of no known type and are not scored")
+    if cases.unchanged:
+        echo(f"{cases.unchanged} corrupted rows have the clean picture and are not scored")
     if cases.unpaired:
         echo(f"{cases.unpaired} corrupted rows have no clean one")

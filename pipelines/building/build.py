@@ -195,7 +195,8 @@ class _Job:
             (out / CONFIG).unlink(missing_ok=True)  # left by an earlier build
         else:
             write_atomic(out / CONFIG, config)
-        write_atomic(out / CARD, make_card(manifest))
+        has_faults = any(planner.inputs for _, planner in plan.settings.planners)
+        write_atomic(out / CARD, make_card(manifest, has_faults))
         write_manifest(out, manifest)
         self.folder.finish(shards)
         counts = total_counts(shards)

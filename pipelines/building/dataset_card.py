@@ -38,10 +38,12 @@ _POLICIES = {
 }
 
 
-def make_card(manifest: Mapping[str, Any]) -> str:
-    """Return the card of a dataset from its manifest.
+def make_card(manifest: Mapping[str, Any], has_faults: bool = False) -> str:
+    """Return the card of a dataset, which names no folder, so a moved dataset keeps it.
 
-    It names no folder, so a moved dataset keeps its card.
+    Args:
+        manifest: that of the dataset.
+        has_faults: whether a corruption of the build is a fault of the input.
     """
     parameters = manifest["parameters"]
     assets = parameters.get("assets")
@@ -60,7 +62,7 @@ def make_card(manifest: Mapping[str, Any]) -> str:
             "",
             *_counts(manifest),
             *_reading(is_lazy(manifest)),
-            *_how(manifest),
+            *_how(manifest, has_faults),
             *_columns(is_lazy(manifest)),
             "## Licence",
             "",
@@ -230,7 +232,7 @@ def _reading(lazy: bool) -> list[str]:
     ]
 
 
-def _how(manifest: Mapping[str, Any]) -> list[str]:
+def _how(manifest: Mapping[str, Any], has_faults: bool) -> list[str]:
     parameters = manifest["parameters"]
     boxes = (
         "found in the picture (OpenCV)"
@@ -247,7 +249,7 @@ def _how(manifest: Mapping[str, Any]) -> list[str]:
             f" {_POLICIES[parameters['label_policy']]}"
         ),
         "",
-        *_fidelity(parameters.get("assets")),
+        *_fidelity(parameters.get("assets"), has_faults),
         "",
     ]
     if not parameters["corruptions"]:
@@ -317,20 +319,27 @@ def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
     ]
 
 
-def _fidelity(assets: Mapping[str, str] | None) -> list[str]:
-    if assets is None:
+def _fidelity(assets: Mapping[str, str] | None, has_faults: bool) -> list[str]:
+    if assets is None and not has_faults:
         return [f"`fidelity` is `exact`: {FIDELITY_MEANINGS['exact']}"]
-    return [
+    lines = [
         "`fidelity` says how true a row is:",
         "",
         *(f"* `{name}`: {text}" for name, text in FIDELITY_MEANINGS.items()),
         "",
         (
             "`event` says what happened to the machine, `reminder` what an onlooker should say,"
-            " `inserted` that the event added the step. The pictures of events are those of asset"
-            f" pack `{assets['sha256'][:16]}`."
+            " `inserted` that the event added the step."
         ),
     ]
+    if assets is not None:
+        lines[-1] += f" The pictures of events are those of asset pack `{assets['sha256'][:16]}`."
+    if has_faults:
+        lines[-1] += (
+            " After a fault of the input the picture is one of the recording; a clock, a cursor and"
+            " what shows under the pointer may differ from a moment later."
+        )
+    return lines
 
 
 def _cut(rows_per_shard: int) -> list[str]:

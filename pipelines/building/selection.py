@@ -115,17 +115,18 @@ def _check_effects(planner: Planner) -> None:
 
 
 def _check_inputs(planner: Planner) -> None:
-    """Refuse a planner that changes the agent's input: nobody acts on a recording.
+    """Refuse a planner that joins faults of the agent's input with other corruptions.
 
     Raises:
-        BuildError: it does; the message names it.
+        BuildError: it does; the message names them.
     """
-    for leaf in leaves(planner):
-        if leaf.inputs:
-            raise BuildError(
-                f"corruptions: {leaf.label} changes what an agent does ({', '.join(leaf.inputs)}),"
-                " and a recording has no agent; leave it out, and use it in hijack bench"
-            )
+    parts = {leaf.label: bool(leaf.inputs) for leaf in leaves(planner)}
+    if len(set(parts.values())) > 1:
+        faults = ", ".join(label for label, is_fault in parts.items() if is_fault)
+        raise BuildError(
+            f"corruptions: {planner.label} joins {faults} with other corruptions; in a dataset,"
+            " faults of the input stand alone: give them labels of their own"
+        )
 
 
 def _unshown(kinds: tuple[str, ...]) -> list[str]:

@@ -220,7 +220,7 @@ class _Counter:
             self.tally.dropped[label] += 1
             return None
         plan = variant.plan
-        if label != CLEAN and not plan.ops:
+        if label != CLEAN and not plan.ops and not plan.inputs:
             reason = "; ".join(plan.notes) or "the plan leaves the picture as it is"
             self.tally.skip(label, reason)
             return None
@@ -317,7 +317,8 @@ def _about(variant: Variant, label: str) -> dict[str, Any]:
     # An inserted step has the label and the number of the recorded one; the event distinguishes
     # them.
     if variant.edit is not None and variant.edit.inserted:
-        name += f"+{variant.plan.effects[0].kind}"
+        plan = variant.plan
+        name += f"+{plan.inputs[0].fault if plan.inputs else plan.effects[0].kind}"
     return {
         "id": name,
         "trajectory_id": trajectory.id,

@@ -31,12 +31,13 @@ ACTION: dict[str, Kind] = {
 COLUMNS: dict[str, tuple[Kind, str]] = {
     "id": (
         "string",
-        "`trajectory_id/step/corruption`, with `+effect` for an inserted step; unique",
+        "`trajectory_id/step/corruption`, with `+effect` or `+fault` for an inserted step; unique",
     ),
     "trajectory_id": ("string", "the recording that the step is from"),
     "step": (
         "int32",
-        "step in the recording, as it numbers them; an inserted one stands before that step",
+        "step in the recording, as it numbers them; an inserted one stands before that step, or"
+        " after it where its action got lost",
     ),
     "source": ("string", "format of the recording"),
     "domain": ("string", "what the recording says about its domain, or empty"),

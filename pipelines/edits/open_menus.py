@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias
 
 from hijack_data.types import Action, Box, Step
 
+from ..readers.recorded_actions import AlteredStep
 from .base import Frame
 
 State: TypeAlias = Literal["open", "closed", "not known"]
@@ -55,6 +56,8 @@ def _last_action(frame: Frame) -> Action | None:
             break
         before.append(step)
     for step in reversed(before):
+        if isinstance(step, AlteredStep):
+            return Action("other")  # something else arrived
         if getattr(step, "acts", True) and step.action.type != "wait":
             return step.action
     return None

@@ -21,6 +21,7 @@ from ..fidelity import row_fidelity
 from ..readers.recorded_actions import RecordedStep
 from . import EDITS
 from .base import EditedStep, Frame, NotApplicable
+from .input_faults import fault_steps
 
 BEFORE = -1  # the step number of effects before the first step
 AVOIDING = ("avoid", "recover")
@@ -63,7 +64,8 @@ class VariantPlanner:
     def variants(self, sample: Sample, planner: Planner) -> Iterator[Variant | None]:
         """Yield the rows of a step under a planner; `None` for one that the label policy drops.
 
-        A step at which the planner does not act yields nothing.
+        A step at which the planner does not act yields nothing. Nothing is drawn for faults of the
+        input, so no label policy drops their rows.
 
         Raises:
             NotApplicable: an effect cannot be shown realistically.
@@ -71,6 +73,10 @@ class VariantPlanner:
                 declare.
             HijackError: the picture cannot be corrupted.
         """
+        if planner.inputs:
+            for plan, edit in fault_steps(sample, planner, self.seed):
+                yield Variant(sample, plan, plan, edit)
+            return
         numbers = step_numbers(sample.trajectory, sample.position, planner)
         if not is_due(planner, numbers):
             return
@@ -175,14 +181,16 @@ class VariantPlanner:
 
 
 def _check_declared(plan: Plan, planner: Planner) -> None:
-    """Refuse effects that a planner does not declare, and faults of an agent's input.
+    """Refuse effects on the machine and faults of the input that a planner does not declare.
 
     Raises:
-        BuildError: the plan has an effect that the planner does not declare, or such a fault.
+        BuildError: the plan has one of them.
     """
     if plan.inputs:
+        kinds = ", ".join(dict.fromkeys(fault.fault for fault in plan.inputs))
         raise BuildError(
-            f"{plan.corruption} gave a plan that changes an agent's input; a recording has no agent"
+            f"{plan.corruption} gave a plan with faults of the input ({kinds}), which"
+            f" {type(planner).__name__}.inputs does not declare"
         )
     if plan.effects and not has_effects(planner):
         kinds = ", ".join(dict.fromkeys(effect.kind for effect in plan.effects))
@@ -232,11 +240,11 @@ def is_due(planner: Planner, numbers: list[int]) -> bool:
 def step_numbers(trajectory: Trajectory, position: int, planner: Planner) -> list[int]:
     """Return the step numbers that a planner sees at `position`; the last is the step's own.
 
-    Corruptions of the machine count steps from 0, as in a live episode, with -1 before the first;
-    recordings number their steps from 0 or 1, with gaps. Corruptions of the picture use the
-    recorded number.
+    Corruptions of the machine and of the input count steps from 0, as in a live episode, with -1
+    before the first; recordings number their steps from 0 or 1, with gaps. Corruptions of the
+    picture use the recorded number.
     """
-    if not has_effects(planner):
+    if not has_effects(planner) and not planner.inputs:
         return [trajectory.steps[position].index]
     return [BEFORE, 0] if position == 0 else [position]
 

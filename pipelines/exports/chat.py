@@ -1,8 +1,9 @@
 """Chat rows for supervised fine-tuning, as LLaMA-Factory reads them (format `sharegpt`).
 
 `train.jsonl` has one line per example with `messages` and `images`, `images/SHARD/NUMBER.png` is
-its screenshot, and `dataset_info.json` describes both to LLaMA-Factory: `dataset_dir: OUT`,
-`media_dir: OUT`, `dataset: agenthijack`.
+its screenshot (with `NUMBER-previous.png`, that of the step before, after a fault of the input),
+and `dataset_info.json` describes both to LLaMA-Factory: `dataset_dir: OUT`, `media_dir: OUT`,
+`dataset: agenthijack`.
 """
 
 import json
@@ -48,13 +49,15 @@ class ChatWriter:
         write_atomic(self.folder / "dataset_info.json", json.dumps(_INFO, indent=2) + "\n")
 
     def _write(self, example: Example, file: IO[str]) -> None:
-        name = f"images/{example.key.replace('-', '/')}.png"
-        path = self.folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(example.png)
+        stem = f"images/{example.key.replace('-', '/')}"
+        names = [f"{stem}-previous.png", f"{stem}.png"][-len(example.pictures) :]
+        for name, png in zip(names, example.pictures, strict=True):
+            path = self.folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(png)
         messages = [
-            {"role": "user", "content": example.question},
+            {"role": "user", "content": example.question_with_history},
             {"role": "assistant", "content": example.answer},
         ]
-        row = {"messages": messages, "images": [name], **example.about}
+        row = {"messages": messages, "images": names, **example.about}
         file.write(json.dumps(row, ensure_ascii=False) + "\n")

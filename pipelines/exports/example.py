@@ -20,6 +20,23 @@ _SPECIAL = re.compile(
     r"|\[(?=/?INST\]|/?IMG(?:_BREAK|_END)?\])"
 )
 IMAGE = "<image>"
+HISTORY = (
+    "The first picture is the screen before your last action, the second the screen now. Your last"
+    " action:"
+)
+
+
+@dataclass(frozen=True)
+class PreviousStep:
+    """The step before an example, where only both together show what happened.
+
+    Args:
+        png: the bytes of its screenshot.
+        answer: its action as text.
+    """
+
+    png: bytes
+    answer: str
 
 
 @dataclass(frozen=True)
@@ -33,6 +50,7 @@ class Example:
         answer: the action as text.
         png: the bytes of the screenshot.
         dialect: the dialect of the answer.
+        previous: the step before, if the row follows an action that a fault of the input concerns.
     """
 
     key: str
@@ -41,11 +59,25 @@ class Example:
     answer: str
     png: bytes
     dialect: str = "pyautogui"
+    previous: PreviousStep | None = None
 
     @property
     def question(self) -> str:
         """The user's message: the place of the picture, the task, and how to answer."""
         return f"{IMAGE}\n{question(escape_tokens(self.row['instruction']), self.answer_form)}"
+
+    @property
+    def question_with_history(self) -> str:
+        """The user's message about `pictures`: as `question`, with the step before if known."""
+        if self.previous is None:
+            return self.question
+        history = f"{HISTORY} {self.previous.answer}\n{self.answer_form}"
+        return f"{IMAGE}\n{IMAGE}\n{question(escape_tokens(self.row['instruction']), history)}"
+
+    @property
+    def pictures(self) -> tuple[bytes, ...]:
+        """The pictures of `question_with_history`, PNG, in their order."""
+        return (self.png,) if self.previous is None else (self.previous.png, self.png)
 
     @property
     def about(self) -> Row:

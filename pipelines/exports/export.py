@@ -17,10 +17,10 @@ from ..dataset.opening import open_dataset
 from ..errors import BuildError
 from ..prompts import PROMPTS
 from .dialects import action_text, check_dialect
-from .example import Example, Row, check_task, checked_answer, is_hidden
+from .example import Example, PreviousStep, Row, check_task, checked_answer, is_hidden
 from .onlooker import OnlookerReport, export_onlooker
 from .output_folder import new_folder, write_report
-from .stored_rows import stored_rows
+from .stored_rows import row_faults, stored_rows
 
 
 class Writer(Protocol):
@@ -148,8 +148,8 @@ def export(
         progress: called with rows done, rows in all, and a text.
 
     Raises:
-        BuildError: `out` exists already or cannot be written, no row has a reminder (`onlooker`),
-            or `balance` is given with another format.
+        BuildError: `out` exists already or cannot be written, no row has a reminder or an event
+            (`onlooker`), or `balance` is given with another format.
         DatasetError: the folder is not a finished dataset, or a row is damaged.
         ParameterError: `balance` is out of range.
         UnknownNameError: there is no such format or dialect.
@@ -190,6 +190,7 @@ def _examples(
     keep_hidden: bool,
 ) -> Iterator[Example]:
     number = 0
+    history = _History()
     for row, png in rows:
         if is_hidden(row) and not keep_hidden:
             report.hidden[row["corruption"]] += 1
@@ -206,5 +207,27 @@ def _examples(
             continue
         report.examples[row["corruption"]] += 1
         key = f"{shard:05d}-{number:06d}"
-        yield Example(key, row, PROMPTS[report.dialect], answer, png(), report.dialect)
+        step = PreviousStep(png(), answer)
+        previous = history.add(row, step)
+        answer_form = PROMPTS[report.dialect]
+        yield Example(key, row, answer_form, answer, step.png, report.dialect, previous)
         number += 1
+
+
+class _History:
+    """The last steps of the corruptions that are faults of the input, of one trajectory."""
+
+    def __init__(self) -> None:
+        self._trajectory = ""
+        self._last: dict[str, tuple[int, PreviousStep]] = {}
+
+    def add(self, row: Row, step: PreviousStep) -> PreviousStep | None:
+        """Add a row; return the step before it, if the row has faults and no step is missing."""
+        if not row_faults(row):
+            return None
+        if row["trajectory_id"] != self._trajectory:
+            self._trajectory = row["trajectory_id"]
+            self._last.clear()
+        number, previous = self._last.get(row["corruption"], (None, None))
+        self._last[row["corruption"]] = row["step"], step
+        return previous if number in (row["step"], row["step"] - 1) else None

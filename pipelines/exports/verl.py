@@ -67,8 +67,8 @@ class VerlWriter:
         self.count += 1
         return {
             "data_source": "agenthijack",
-            "prompt": [{"role": "user", "content": example.question}],
-            "images": [{"bytes": example.png, "path": None}],
+            "prompt": [{"role": "user", "content": example.question_with_history}],
+            "images": [{"bytes": png, "path": None} for png in example.pictures],
             "ability": "computer_use",
             "reward_model": {
                 "style": "rule",

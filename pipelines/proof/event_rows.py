@@ -20,6 +20,7 @@ from hijack_data.types import Size
 from ..dataset.sample import Sample
 from ..edits import EDITS
 from ..edits.base import WAIT, Edit, EditedStep
+from ..edits.input_faults import fault_step
 from ..edits.variants import Variant, step_after
 from ..errors import DatasetError
 
@@ -39,6 +40,8 @@ def event_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant
         DatasetError: the labels of the row contradict its plan.
         AssetError: the plan pastes a picture that the pack does not contain.
     """
+    if plan.inputs:
+        return _fault_variant(row, plan, sample)
     kinds = [effect.kind for effect in plan.effects]
     if len(kinds) != 1 or kinds[0] not in EDITS:
         raise DatasetError(
@@ -69,6 +72,20 @@ def event_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant
     if response is not None:
         over = replace(over, ops=later_ops)
     return Variant(step_after(sample, edited), plan, over, edited)
+
+
+def _fault_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Variant:
+    """Return the variant of a row after an action that a fault of the input hit.
+
+    Raises:
+        DatasetError: the labels of the row contradict its plan.
+    """
+    if len(plan.inputs) != 1 or plan.ops or plan.effects:
+        raise DatasetError("its plan must hold one fault of the input, and nothing else")
+    (fault,) = plan.inputs
+    if row["inserted"] and fault.fault != "drop":
+        raise DatasetError(f"inserted is True, and only a run shows what {fault.fault!r} leads to")
+    return Variant(sample, plan, plan, fault_step(fault, inserted=row["inserted"]))
 
 
 def _check_labels(row: Mapping[str, Any], edit: Edit) -> None:

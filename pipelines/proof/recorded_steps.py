@@ -68,7 +68,9 @@ def provable_settings(settings: RowSettings) -> RowSettings:
 
 
 def _is_provable(planner: Planner) -> bool:
-    """Return whether plans depend only on parameters, seed, trajectory, step, size and target.
+    """Return whether rows depend only on parameters, seed, trajectory, step, size and target.
+
+    Those of input faults depend on the actions before the step.
 
     Corruptions of plug-ins do not count, as they may use elements and applications without
     declaring it.
@@ -77,7 +79,7 @@ def _is_provable(planner: Planner) -> bool:
         is_ours = type(part).__module__.startswith(OURS)
         if not is_ours or not isinstance(part, Corruption | Augmentation):
             return False
-    return not has_effects(planner) and not needs_boxes(planner)
+    return not has_effects(planner) and not planner.inputs and not needs_boxes(planner)
 
 
 def recorded_step(

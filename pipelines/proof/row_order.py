@@ -139,6 +139,7 @@ class ShardTally:
                 isinstance(planner, Corruption)
                 and planner.steps is None
                 and not has_effects(planner)
+                and not planner.inputs
             ):
                 yield from _count_problems(label, self.rows[label], record, steps)
 

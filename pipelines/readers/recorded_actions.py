@@ -12,6 +12,7 @@ from typing import cast
 from hijack_data.actions import FRACTIONS as DIALECT_FRACTIONS
 from hijack_data.actions import RESIZED_DIALECTS, Scaling, map_code, parse_pyautogui, parse_with
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
+from hijack_data.actions.input_faults import InputFault
 from hijack_data.actions.recorded_actions import map_recorded
 from hijack_data.coords import CoordMap
 from hijack_data.errors import ActionError, HijackError, ParameterError
@@ -58,6 +59,19 @@ class RecordedStep(Step):
 
     dialect: str = PYAUTOGUI
     acts: bool = True
+
+
+@dataclass(frozen=True)
+class AlteredStep(RecordedStep):
+    """A step of which the machine received something else than the agent did.
+
+    `action` and `action_code` are what the agent did; `extra` says what the machine received.
+
+    Args:
+        faults: the faults of the input that hit the action.
+    """
+
+    faults: tuple[InputFault, ...] = ()
 
 
 @dataclass(frozen=True)

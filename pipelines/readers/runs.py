@@ -1,5 +1,6 @@
 """Runs of the live benchmark: the logs that `CorruptedEnv` writes."""
 
+import dataclasses
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,16 +8,18 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.actions.agent_actions import REINIT
+from hijack_data.actions.input_faults import InputFault
 from hijack_data.actions.recorded_actions import SIZELESS
+from hijack_data.errors import HijackError
 from hijack_data.runs.run_log import EPISODE, EPISODES, RECORDS, RUN, STEPS
-from hijack_data.types import Action, Platform, Step, Trajectory
+from hijack_data.types import Action, Platform, Trajectory
 
 from . import fields
 from .base import Rejected, register
 from .fields import FieldError, JsonObject
 from .file_head import FileHead
 from .folder_reader import EpisodeFolder, FolderReader
-from .recorded_actions import PYAUTOGUI, RecordedStep, first_action, raw_action_text
+from .recorded_actions import PYAUTOGUI, AlteredStep, RecordedStep, first_action, raw_action_text
 from .recording_facts import RecordedTrajectory
 from .safe_files import image_size, inside, parse_file, relative_name
 
@@ -31,12 +34,15 @@ class Runs(FolderReader):
     A run has `episodes/<id>/{episode.json, steps.jsonl, frames/}`. A trajectory's id is the
     episode's; its draws are keyed by the task, as they were live, so a corruption that is planned
     again for it, with the same seed, gives the plan that the agent met.
-    Each step is a clean screen and the action that the agent took on seeing it, as it was run:
-    after the corruption's coordinates were mapped back.
+    Each step is a clean screen and the action that the agent took on seeing it, after the
+    corruption's coordinates were mapped back. If a fault of the input changed the action on its
+    way, the step is an `AlteredStep`: the action is the agent's, and `extra` has what the machine
+    received (`input`: `sent` and `faults`, as the log has them).
 
     Left out, with the reason: episodes that were broken off, are invalid or ended in an error;
-    actions that were refused; and whatever comes after an effect, since those screens show what was
-    done to the machine.
+    actions that were refused; whatever comes after an effect, since those screens show what was
+    done to the machine; and whatever comes after a fault of the input, unless the episode was
+    solved: only then what the agent did next was right.
 
     Coordinates: pixels of the screen, whose size the clean screenshots have; a point outside is
     rejected.
@@ -72,14 +78,25 @@ class Runs(FolderReader):
 
 @dataclass
 class _Episode(EpisodeFolder):
-    """One episode, while it is read; after the effect `touched`, no screen is clean."""
+    """One episode, while it is read.
+
+    Args:
+        touched: the effect after which no screen is clean.
+        solved: whether the agent solved the task.
+        lost: the first step whose action was changed on its way, if the task was not solved.
+        left_out: whether steps came after it.
+    """
 
     touched: str = ""
+    solved: bool = False
+    lost: int | None = None
+    left_out: bool = False
 
     def read(self) -> Iterator[Trajectory | Rejected]:
         """Yield what is rejected, then the trajectory."""
         try:
             record = self._record()
+            self.solved = record.get("score") == 1
             yield from self.take_lines()
             about = _about(record)
         except FieldError as error:
@@ -95,6 +112,12 @@ class _Episode(EpisodeFolder):
                 " is clean"
             )
             yield Rejected(self.records, "", "events", reason)
+        if self.left_out:
+            reason = (
+                f"the action of step {self.lost} did not arrive as the agent did it, and the"
+                " episode was not solved, so nothing says that what it did afterwards was right"
+            )
+            yield Rejected(self.records, "", "input", reason)
         if self.steps:
             yield RecordedTrajectory(
                 steps=tuple(self.steps), source=Runs.name, **about, screen="desktop"
@@ -111,7 +134,7 @@ class _Episode(EpisodeFolder):
         return record
 
     def take(self, record: JsonObject) -> None:
-        """Add the step of one line, unless an effect came before it.
+        """Add the step of one line, unless an effect or an unsolved fault came before it.
 
         Raises:
             FieldError: the line is broken, or its action was refused.
@@ -123,12 +146,19 @@ class _Episode(EpisodeFolder):
         is_last = record.get("raw") is None  # an observation that no action followed
         if self.touched or is_last:
             return
+        if self.lost is not None:
+            self.left_out = True
+            return
         if record.get("code") is None:
             error = fields.text(record, "error", default="")
             raise FieldError("code", f"the action was refused: {error}")
-        self.steps.append(self._step(record, fields.text(record, "code")))
+        step = self._step(record, fields.text(record, "code"))
+        if record.get("input") is not None:
+            step = _altered(step, fields.mapping(record["input"], "input"))
+            self.lost = None if self.solved else step.index
+        self.steps.append(step)
 
-    def _step(self, record: JsonObject, code: str) -> Step:
+    def _step(self, record: JsonObject, code: str) -> RecordedStep:
         image = inside(self.folder, fields.text(record, "image"))
         size = image_size(image)
         index = fields.step_number(record, "step")
@@ -145,6 +175,23 @@ class _Episode(EpisodeFolder):
             elements=fields.boxes(record.get("boxes") or [], size, "boxes"),
             dialect=dialect,
         )
+
+
+def _altered(step: RecordedStep, entry: JsonObject) -> AlteredStep:
+    """Return a step with the faults that changed its action, and what the machine received.
+
+    Raises:
+        FieldError: the entry of the log is damaged.
+    """
+    logged = fields.items(entry, "faults")
+    try:
+        faults = tuple(map(InputFault.from_data, logged))
+    except HijackError as error:
+        raise FieldError("input.faults", str(error)) from None
+    sent = fields.text(entry, "sent", "input.sent")
+    extra = raw_action_text({"input": {"sent": sent, "faults": logged}}, "input")
+    values = {field.name: getattr(step, field.name) for field in dataclasses.fields(step)}
+    return AlteredStep(**{**values, "extra": extra}, faults=faults)
 
 
 def _about(record: JsonObject) -> dict[str, Any]:

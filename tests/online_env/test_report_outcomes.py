@@ -372,15 +372,17 @@ def results_folder(root, *above, scores):
             (folder / "result.txt").write_text(f"{float(score)}\n")
 
 
-@pytest.mark.parametrize("name", ["marks", "Marks"])
-def test_a_folder_of_osworld_has_its_corruption_where_its_name_is(name, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "condition"), [("Marks", "marks"), ("missed-input", "missed_input")]
+)
+def test_a_folder_of_osworld_has_its_corruption_where_its_name_is(name, condition, tmp_path):
     for label, scores in SOLVED.items():
         folder = name if label == "marks" else label
         results_folder(tmp_path, folder, "pyautogui", "screenshot", "gpt-4o", scores=scores)
         results_folder(tmp_path, folder, "pyautogui", "screenshot", "claude", scores=[1] * 6)
     report = build_report(collect_run([tmp_path]))
-    assert success(report, "gpt-4o") == {"clean": 5 / 6, "marks": 2 / 6}
-    assert success(report, "claude") == {"clean": 1, "marks": 1}
+    assert success(report, "gpt-4o") == {"clean": 5 / 6, condition: 2 / 6}
+    assert success(report, "claude") == {"clean": 1, condition: 1}
 
 
 def test_a_folder_of_osworld_verified_is_one_clean_run(tmp_path):

@@ -162,6 +162,7 @@ class Heads:
                     "seed": 7,
                     "action": {"type": "click"},
                     "reminder": None,
+                    "changed_pixels": 5,
                 },
             )
 

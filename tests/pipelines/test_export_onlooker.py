@@ -424,7 +424,8 @@ def test_a_dataset_without_reminders_says_what_to_build(
 ) -> None:
     dataset = made(source, assets, tmp_path / "set", {"marks": PLANNERS["marks"]})
     with pytest.raises(
-        BuildError, match=r"no row has a reminder.*--corruptions all, or with network_error"
+        BuildError,
+        match=r"no row has a reminder or an event.*--corruptions all, or with network_error",
     ):
         export(dataset, tmp_path / "out", to="onlooker")
     offline = in_browser(source, apps=lambda row: ["gimp"])

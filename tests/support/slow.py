@@ -73,6 +73,7 @@ SLOW = frozenset(
         "pipelines/test_export_onlooker.py",
         "pipelines/test_exports.py",
         "pipelines/test_howto_osworld.py",
+        "pipelines/test_input_fault_rows.py",
         "pipelines/test_lazy.py",
         "pipelines/test_loaded.py",
         "pipelines/test_loaders.py",

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hijack_data.corruption import corruption_names
+from hijack_data.corruption import CORRUPTIONS
 from hijack_data.errors import short_repr
 from hijack_data.plan import CLEAN
 
@@ -15,9 +15,9 @@ MAX_JSON = 64 * 2**20  # bytes
 
 
 def condition_name(part: str) -> str | None:
-    """Return the corruption that a folder is named after, whatever joins its words."""
+    """Return the registered corruption that a folder is named after, whatever joins its words."""
     plain = _plain(part)
-    for name in (CLEAN, *corruption_names()):
+    for name in (CLEAN, *CORRUPTIONS.names()):
         if plain == _plain(name):
             return name
     return None

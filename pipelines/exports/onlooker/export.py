@@ -13,12 +13,13 @@ from hijack_data.errors import ActionError, ParameterError
 from ...building.build_options import Progress
 from ...dataset.manifest import is_lazy
 from ...dataset.opening import Dataset, open_dataset, shard_rows
+from ...edits.input_faults import describe_fault
 from ...errors import BuildError
 from ...prompts import PROMPTS
 from ..dialects import action_text
 from ..example import Example, Row, check_task, checked_answer, is_hidden
 from ..output_folder import new_folder, write_report
-from ..stored_rows import stored_rows
+from ..stored_rows import recorded_faults, stored_rows
 from .messages import NONE, chat, reminder_messages, summarise, summary_messages
 from .report import OnlookerReport
 from .sampling import COLUMNS_READ, WITH_REMINDER, OnlookerSampler
@@ -48,7 +49,7 @@ def export_onlooker(
     dataset = open_dataset(folder)
     manifest = dataset.manifest
     sampler = OnlookerSampler(int(manifest["parameters"]["seed"]), balance)
-    _check_reminders(dataset)
+    _check_events(dataset)
     report = OnlookerReport(os.fspath(out), dialect, balance)
     with (
         new_folder(Path(out), Path(folder)) as place,
@@ -156,7 +157,7 @@ class _Tables:
 
     def _summary(self, start: RowFrame, frame: RowFrame, change: ScreenChange | None) -> None:
         row = start.row
-        event = frame.row["event"]
+        event = _find_event(start, frame)
         if self._lacks_task("summary", row):
             return
         try:
@@ -218,21 +219,37 @@ def _frames(file: Path, lazy: bool) -> Iterator[RowFrame]:
         yield RowFrame(row, png())
 
 
-def _check_reminders(dataset: Dataset) -> None:
-    """Refuse a dataset without any reminder.
+def _find_event(start: RowFrame, frame: RowFrame) -> str | None:
+    """Return what happened between two frames that the agent did not do, or `None`.
+
+    A run says which actions arrived changed, whatever corruption its rows have.
+    """
+    event: str | None = frame.row["event"]
+    if start.row["step"] == frame.row["step"]:  # the same recorded action, which got lost
+        return event
+    sentences = [describe_fault(fault) for fault in recorded_faults(start.row)]
+    if event is not None and event not in sentences:
+        sentences.append(event)
+    return " ".join(sentences) or None
+
+
+def _check_events(dataset: Dataset) -> None:
+    """Refuse a dataset in which nothing ever happened.
 
     Raises:
-        BuildError: no row has one.
+        BuildError: no row has a reminder or an event.
     """
+    columns = ["reminder", "event"]
     for shard in dataset.manifest["shards"]:
-        rows = shard_rows(dataset.folder / shard["file"], ["reminder"])
-        if any(row.get("reminder") is not None for row in rows):
+        rows = shard_rows(dataset.folder / shard["file"], columns)
+        if any(row.get(name) is not None for row in rows for name in columns):
             return
     counts = dataset.manifest.get("counts", {})
     unfit: Mapping[str, Mapping[str, int]] = counts.get("not_applicable", {})
     reasons = [f"{name}: {reason}" for name in REMINDING for reason in unfit.get(name, {})]
     explanation = f" (not applicable there: {'; '.join(reasons)})" if reasons else ""
     raise BuildError(
-        f"{dataset.folder}: no row has a reminder, so there is nothing for an onlooker to learn"
-        f" from; build it with --corruptions all, or with {' or '.join(REMINDING)}{explanation}"
+        f"{dataset.folder}: no row has a reminder or an event, so there is nothing for an onlooker"
+        " to learn from; build it with --corruptions all, or with"
+        f" {' or '.join(REMINDING)}{explanation}"
     )

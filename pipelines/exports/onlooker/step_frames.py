@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby
+from itertools import groupby, pairwise
 
 from hijack_data.plan import CLEAN
 from hijack_data.types import UInt8Array
@@ -60,13 +60,21 @@ class StepFrames:
     def acted(self, label: str) -> RowFrame | None:
         """Return the frame of a corruption on which the agent took its recorded action, or `None`.
 
-        On an inserted step the action undoes the event, and the screen after a step with an event
-        could only be shown by a live desktop.
+        On an inserted step before it the action undoes the event, and the screen after a step with
+        an event could only be shown by a live desktop. Where its action got lost, it is the
+        inserted step after it, on which the same action arrives.
         """
-        for frame in self.frames:
-            if frame.label == label and frame.row["event"] is None:
-                return frame
+        frames = [frame for frame in self.frames if frame.label == label]
+        if any(frame.row["event"] is None for frame in frames):
+            return frames[-1]
         return None
+
+    @property
+    def lost(self) -> Iterator[tuple[RowFrame, RowFrame]]:
+        """Pairs of a frame whose action got lost, and the inserted one on the same screen."""
+        for before, frame in pairwise(self.frames):
+            if frame.label == before.label and before.row["event"] is None:
+                yield before, frame
 
     def follows(self, previous: "StepFrames | None") -> bool:
         """Return whether no step is missing between the two."""
@@ -104,6 +112,7 @@ def transitions(
             yield start, frame
         elif is_event:
             skip(label, NO_STEP_BEFORE if previous is None else NO_FRAME_BEFORE)
+    yield from after.lost
 
 
 def _step_key(frame: RowFrame) -> tuple[str, int]:

@@ -1,0 +1,254 @@
+"""Rows of input faults: a lost action in any recording, other faults in runs that were played under
+them."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+pytest.importorskip("gymnasium", reason="needs the extra [online]")
+pytest.importorskip("pyarrow", reason="needs the extra [hf]")
+
+import hijack_data as hj
+from hijack_data.errors import HijackError
+from online_env.environment import CorruptedEnv
+from online_env.scoring.cases import Selection, open_feed, select_cases
+from pipelines import build, open_dataset, verify
+from pipelines.edits.input_faults import DONE_AGAIN, NO_PICTURE, NOT_REPAIRED, OTHER_FAULT
+from pipelines.exports import export
+from pipelines.readers import Rejected, get_reader
+
+from support.live import AT_ONCE, FakeStage
+
+CLICK, BACK, TYPE = "pyautogui.click(20, 30)", "pyautogui.press('esc')", "pyautogui.write('a')"
+LOST = "The last action did not arrive: nothing was pressed."
+
+
+def rows_of(dataset: Path, label: str) -> list[dict[str, Any]]:
+    return [row for row in open_dataset(dataset) if row["corruption"] == label]
+
+
+def names(rows: list[dict[str, Any]], trajectory: str) -> list[str]:
+    start = f"{trajectory}/"
+    return [row["id"].removeprefix(start) for row in rows if row["id"].startswith(start)]
+
+
+def table(folder: Path, name: str) -> list[dict[str, Any]]:
+    return [
+        row for file in (folder / name).glob("*.parquet") for row in pq.read_table(file).to_pylist()
+    ]
+
+
+def test_a_lost_action_is_done_again_on_the_screen_that_was_before_it(recording, tmp_path):
+    source = recording(trajectories=2, steps=4)
+    out = tmp_path / "set"
+    report = build(source, out, corruptions={"lost": hj.make_corruption("missed_input", step=1)})
+    lost, clean = rows_of(out, "lost"), rows_of(out, "clean")
+    assert names(lost, "t0") == ["0001/lost", "0001/lost+drop", "0002/lost"]
+    first, again, after = lost[:3]
+    assert [row["event"] for row in lost[:3]] == [None, LOST, None]
+    assert [row["fidelity"] for row in lost[:3]] == ["exact", "recorded", "exact"]
+    assert again["inserted"]
+    assert again["reminder"] is None
+    for row, step in ((first, 1), (again, 1), (after, 2)):
+        assert np.array_equal(row["screenshot"], clean[step]["screenshot"])
+        for name in ("action", "action_code", "target_box", "step"):
+            assert row[name] == clean[step][name]
+        assert [fault.fault for fault in hj.Plan.from_json(row["plan"]).inputs] == ["drop"]
+    assert report.rows["lost"] == 6
+    assert "The pictures of events" not in (out / "README.md").read_text()
+    assert verify(out).ok
+    assert verify(out, source=source).ok
+
+
+def test_exports_of_a_lost_action_have_the_action_before(recording, tmp_path):
+    build(recording(trajectories=1, steps=4), tmp_path / "set", corruptions="missed_input:step=1")
+    for form in ("chat", "verl", "webdataset", "atif", "onlooker"):
+        assert export(tmp_path / "set", tmp_path / form, to=form).exit_code == 0
+    chats = map(json.loads, (tmp_path / "chat/train.jsonl").read_text().splitlines())
+    asked = {chat["id"]: chat for chat in chats}
+    click = "pyautogui.click(101, 50)"
+    for name, answer in (
+        ("1/missed_input+drop", click),
+        ("2/missed_input", "pyautogui.click(102, 50)"),
+    ):
+        chat = asked[f"t0/000{name}"]
+        question, said = chat["messages"]
+        assert question["content"].count("<image>") == len(chat["images"]) == 2
+        assert f"Your last action: {click}\n" in question["content"]
+        assert said["content"] == answer
+        assert all((tmp_path / "chat" / image).is_file() for image in chat["images"])
+    assert len(asked["t0/0001/missed_input"]["images"]) == 1
+    verl = {row["extra_info"]["id"]: len(row["images"]) for row in table(tmp_path / "verl", "data")}
+    assert verl["t0/0001/missed_input+drop"] == 2
+
+    documents = [json.loads(path.read_text()) for path in tmp_path.glob("atif/*/*/trajectory.json")]
+    (episode,) = (d for d in documents if d["trajectory_id"].endswith("/missed_input"))
+    steps = [step for step in episode["steps"] if step["source"] == "agent"]
+    assert [step["message"] for step in steps] == [click, click, "pyautogui.click(102, 50)"]
+    assert steps[0]["observation"]["results"][0]["content"]
+
+    summaries = {row["before_id"]: row for row in table(tmp_path / "onlooker", "summaries")}
+    lost = summaries["t0/0001/missed_input"]
+    assert lost["summary"] == f"The agent clicked at (101, 50). Not the agent's doing: {LOST}"
+    assert lost["before"]["bytes"] == lost["after"]["bytes"]
+    arrived = summaries["t0/0001/missed_input+drop"]
+    assert arrived["id"] == "t0/0002/missed_input"
+    assert arrived["changed"] > 0.5
+    assert not (tmp_path / "onlooker/reminders").exists()
+
+    # an agent that is scored on one picture cannot know what happened
+    cases = select_cases(open_feed(tmp_path / "set", "steps"), "steps", Selection())
+    assert (cases.labels, cases.unchanged) == (("clean",), 3)
+
+
+def test_verify_finds_another_label_of_a_lost_action(recording, tmp_path):
+    out = tmp_path / "set"
+    build(recording(trajectories=1), out, corruptions="missed_input:step=1")
+    (path,) = out.glob("data/*.parquet")
+    stored = pq.read_table(path)
+    for change, problem in (
+        ({"event": "The last action arrived 2 times."}, "event is"),
+        ({"inserted": False}, "id is"),
+        ({"action_code": "pyautogui.click(1, 1)"}, "action_code is"),
+        ({"reminder": "Do it again."}, "reminder is"),
+    ):
+        rows = stored.to_pylist()
+        (row,) = (row for row in rows if row["inserted"])
+        row.update(change)
+        pq.write_table(type(stored).from_pylist(rows, schema=stored.schema), path)
+        assert any(problem in text for text in verify(out).problems)
+
+
+def test_actions_that_cannot_be_done_again_and_mixed_labels_are_refused(recording, tmp_path):
+    source = recording(trajectories=1, steps=2)
+    lines = [json.loads(line) for line in (source / "trajectories.jsonl").read_text().splitlines()]
+    lines[0].update(action_code="pyautogui.moveRel(5, 5)\npyautogui.click(100, 50)")
+    lines[1].update(action={"type": "wait"}, action_code="WAIT")
+    (source / "trajectories.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    planners = {f"at_{step}": hj.make_corruption("missed_input", step=step) for step in (0, 1, 7)}
+    report = build(source, tmp_path / "set", corruptions=planners)
+    reasons = {label: " ".join(counts) for label, counts in report.not_applicable.items()}
+    assert report.rows == {"clean": 2, "at_0": 0, "at_1": 0, "at_7": 0}
+    assert "moves the pointer by a distance" in reasons["at_0"]
+    assert "presses anything" in reasons["at_1"]
+    assert "ends before the step" in reasons["at_7"]
+    mixed = hj.Sequence([hj.make_corruption("missed_input"), hj.Marks()])
+    with pytest.raises(HijackError, match="joins missed_input with other corruptions"):
+        build(source, tmp_path / "mixed", corruptions={"both": mixed})
+
+
+def test_lost_actions_of_real_recordings(shared_data, tmp_path):
+    source = shared_data / "trajectories/screenagent"
+    report = build(source, tmp_path / "set", corruptions="missed_input", output="lazy", limit=4)
+    rows = rows_of(tmp_path / "set", "missed_input")
+    clean = {(row["trajectory_id"], row["step"]): row for row in rows_of(tmp_path / "set", "clean")}
+    again = [row for row in rows if row["inserted"]]
+    assert len(rows) == report.rows["missed_input"] == 3 * len(again) >= 9
+    for row in rows:
+        recorded = clean[row["trajectory_id"], row["step"]]
+        assert row["image_sha256"] == recorded["image_sha256"]
+        assert row["action"] == recorded["action"]
+    assert {row["action"]["type"] for row in again} <= {"click", "double_click"}
+    assert verify(tmp_path / "set", source=source).ok
+
+
+# --- Runs of the benchmark
+
+
+@pytest.fixture(autouse=True)
+def no_waiting(monkeypatch):
+    monkeypatch.setattr("online_env.environment.episode.WAIT_S", 0.0)
+
+
+def played(
+    folder: Path, name: str | None, score: float = 1.0, later: tuple[str, ...] = (BACK, CLICK)
+) -> dict[str, Any]:
+    """An episode whose action at step 1 is hit, and which then goes on; its record."""
+    spec = None if name is None else hj.make_corruption(name, step=1)
+    env = CorruptedEnv(FakeStage(score=score), corruption=spec, settle=AT_ONCE, log=folder)
+    env.reset(seed=3)
+    for action in ("WAIT", CLICK, *later, "DONE"):
+        env.step(action)
+    assert env.record["status"] == "ok"
+    return env.record
+
+
+EVENTS = {
+    "missed_input": LOST,
+    "repeated_input": "The last action arrived 2 times.",
+    "slipped_pointer": "The pointer slipped: the last action landed beside where it aimed.",
+}
+
+
+@pytest.mark.parametrize("name", EVENTS)
+def test_a_run_under_a_fault_proves_what_followed_it(name, tmp_path):
+    record = played(tmp_path / "run", name)
+    (folder,) = (tmp_path / "run/episodes").iterdir()
+    sent = json.loads((folder / "steps.jsonl").read_text().splitlines()[1])["input"]["sent"]
+    assert sent != CLICK
+    report = build(tmp_path / "run", tmp_path / "set", corruptions=f"{name}:step=1", seed=3)
+    assert report.exit_code == 0
+    rows = rows_of(tmp_path / "set", name)
+    is_lost = name == "missed_input"  # then any recording proves the picture before the action
+    after = f"0001/{name}+drop" if is_lost else f"0002/{name}"
+    assert names(rows, record["id"]) == [f"0001/{name}", after]
+    assert [row["action_code"] for row in rows] == [CLICK, CLICK if is_lost else BACK]
+    assert [row["event"] for row in rows] == [None, EVENTS[name]]
+    clean = rows_of(tmp_path / "set", "clean")
+    assert [row["action_code"] for row in clean] == ["WAIT", CLICK, BACK, CLICK, "DONE"]
+    assert np.array_equal(rows[1]["screenshot"], clean[1 if is_lost else 2]["screenshot"])
+    assert json.loads(clean[1]["extra"])["input"]["sent"] == sent
+    assert verify(tmp_path / "set").ok
+    assert verify(tmp_path / "set", source=tmp_path / "run").ok
+
+    export(tmp_path / "set", tmp_path / "onlooker", to="onlooker")
+    summaries = {
+        row["before_id"]: row["summary"] for row in table(tmp_path / "onlooker", "summaries")
+    }
+    for label in ("clean", name):
+        assert summaries[f"{record['id']}/0001/{label}"].endswith(f"doing: {EVENTS[name]}")
+
+
+def test_what_no_run_shows_is_refused(tmp_path):
+    played(tmp_path / "clean", None)
+    faults = "repeated_input:step=1,slipped_pointer:step=1"
+    report = build(tmp_path / "clean", tmp_path / "set", corruptions=faults)
+    reasons = {NO_PICTURE: 1}
+    assert report.not_applicable == {"repeated_input": reasons, "slipped_pointer": reasons}
+    played(tmp_path / "run", "slipped_pointer")
+    corruptions = "slipped_pointer:step=1,distance=4"
+    report = build(tmp_path / "run", tmp_path / "other", corruptions=corruptions, seed=3)
+    assert report.not_applicable == {"slipped_pointer": {OTHER_FAULT: 1}}
+
+
+@pytest.mark.parametrize(
+    ("name", "later", "reason"),
+    [
+        ("slipped_pointer", (BACK, BACK, CLICK), None),
+        ("slipped_pointer", (BACK, BACK), NOT_REPAIRED),
+        ("slipped_pointer", (TYPE, BACK, CLICK, TYPE), DONE_AGAIN),
+        ("repeated_input", (BACK, CLICK, BACK), DONE_AGAIN),
+        ("repeated_input", (), None),
+    ],
+)
+def test_what_the_agent_did_next_must_have_been_right(name, later, reason, tmp_path):
+    played(tmp_path / "run", name, later=later)
+    report = build(tmp_path / "run", tmp_path / "set", corruptions=f"{name}:step=1", seed=3)
+    assert report.not_applicable == ({name: {reason: 1}} if reason else {})
+    assert report.rows[name] == (0 if reason else 2)
+
+
+def test_of_an_episode_that_was_lost_nothing_after_the_fault_is_read(tmp_path):
+    played(tmp_path / "run", "slipped_pointer", score=0.0)
+    rejected, recording = get_reader("runs").read(tmp_path / "run")
+    assert [step.action_code for step in recording] == ["WAIT", CLICK]
+    assert isinstance(rejected, Rejected)
+    assert "did not arrive as the agent did it" in rejected.reason
+    report = build(tmp_path / "run", tmp_path / "set", corruptions="slipped_pointer:step=1", seed=3)
+    assert report.rows == {"clean": 2, "slipped_pointer": 0}
+    (reason,) = report.not_applicable["slipped_pointer"]
+    assert "was not solved" in reason
