@@ -1,0 +1,165 @@
+"""What `hijack search` does: search, confirm, and write `worst.json`."""
+
+import importlib.metadata
+from pathlib import Path
+
+import click
+
+from hijack_data import extras
+from hijack_data.cli.terminal import console, echo
+from hijack_data.corruption import SETS, check_not_broken, corruption_names, find_corruption
+from hijack_data.errors import ParameterError, UnknownNameError, quantity, suggest
+from hijack_data.types import Size
+
+from ..bench.config import Bench, load_bench, override
+from ..bench.models import check_agents
+from ..bench.plan_set import PlanSet, WorstPlan
+from ..scoring.cases import Selection, open_feed
+from ..scoring.run import ScoreSettings
+from .players import LivePlayer, RowPlayer
+from .search import SearchSettings, begin, search
+from .space import SearchSpace
+
+
+def run_search(
+    *,
+    source: str,
+    agent: str,
+    out: Path | None,
+    resume: bool,
+    budget: int,
+    tasks: str | None,
+    seeds: int | None,
+    corruptions: str | None,
+    pairs: bool,
+    keep: int,
+    seed: int,
+    limit: int | None,
+    workers: int,
+    desktops: int | None,
+) -> None:
+    """Search; the arguments are the options of `hijack search`.
+
+    Raises:
+        HijackError: The search is refused.
+        UsageError: `out` is missing, or an option is for the other kind of search.
+    """
+    extras.require("hijack search", "search", ("optuna",))
+    if out is None:
+        raise click.UsageError("--out DIR: say where the search goes")
+    is_dataset = Path(source).is_dir()
+    _check_options(is_dataset, tasks=tasks, seeds=seeds, desktops=desktops, limit=limit)
+    space = SearchSpace(_names(corruptions, is_dataset), pairs)
+    settings = SearchSettings(space=space, budget=budget, seed=seed, keep=keep)
+    chosen: Bench = override(Bench(), agent=agent)
+    if len(chosen.agents) != 1:
+        raise ParameterError(f"--agent: a search is for one agent, got {agent!r}")
+    about = {
+        "corruptions": list(space.names),
+        "pairs": pairs,
+        "budget": budget,
+        "seed": seed,
+        "keep": keep,
+        "optuna": importlib.metadata.version("optuna"),
+    }
+    player: LivePlayer | RowPlayer
+    if is_dataset:
+        dataset = Path(source)
+        scored = ScoreSettings(
+            dataset=dataset, agents=chosen.agents, workers=workers, selection=Selection(limit=limit)
+        )
+        player = RowPlayer(scored, seed, _screen_size(dataset), out)
+        about = {**about, "rows": player.cases, "held_out": player.held_out, "limit": limit}
+        bench_data = None
+    else:
+        bench = override(load_bench(source), agent, tasks, None, seeds)
+        check_agents(bench)
+        player = LivePlayer(bench, out, desktops)
+        about = {**about, "held_out_seeds": list(player.held_out_seeds)}
+        both = (*bench.seeds, *player.held_out_seeds)
+        bench_data = {**bench.to_file_data(), "seeds": list(both)}
+    count = settings.count_trials(player)
+    begin(out, {**about, "source": source, "agent": agent, "bench": bench_data}, resume)
+    echo(
+        f"{quantity(count, 'corruption')} on {quantity(player.cases, 'case')}, the worst {keep} of"
+        f" them on {player.held_out} others"
+    )
+    try:
+        plans = search(player, settings, out, echo)
+    except KeyboardInterrupt:
+        raise click.Abort from None
+    plan_set = PlanSet(
+        agent=chosen.agents[0], search=about, bench=bench_data, size=player.size, plans=plans
+    )
+    path = out / "worst.json"
+    plan_set.write(path)
+    _show(plans)
+    if plans:
+        replay = f"score {source}" if is_dataset else "bench"
+        echo(f"{path}; again: hijack {replay} --plans {path} --agent {agent} --out RUNS")
+
+
+def _check_options(is_dataset: bool, *, limit: int | None, **live: object) -> None:
+    """Check that no option is for the other kind of search.
+
+    Raises:
+        UsageError: One is.
+    """
+    given = [name for name, value in live.items() if value is not None]
+    if is_dataset and given:
+        raise click.UsageError(f"--{given[0]} is for live searches; a dataset has its rows")
+    if limit is not None and not is_dataset:
+        raise click.UsageError("--limit is for the rows of a dataset")
+
+
+def _names(text: str | None, is_dataset: bool) -> tuple[str, ...]:
+    """Return the corruptions of an option; by default all that can be played.
+
+    Raises:
+        UnknownNameError: There is no such corruption.
+        ParameterError: One is given twice.
+    """
+    everything = [name for of in ("all", *SETS) for name in corruption_names(of)]
+    if text is None:
+        pictures = [name for name in everything if _is_drawn(name)]
+        return tuple(pictures if is_dataset else everything)
+    names: list[str] = []
+    for word in (part.strip() for part in text.split(",")):
+        members = corruption_names(word) if word in ("all", *SETS) else [word]
+        for name in members:
+            check_not_broken(name)
+            if name not in everything:
+                raise UnknownNameError(f"--corruptions: no {name!r}{suggest(name, everything)}")
+            if name in names:
+                raise ParameterError(f"--corruptions names {name!r} twice: {text!r}; remove one")
+            names.append(name)
+    return tuple(names)
+
+
+def _is_drawn(name: str) -> bool:
+    cls = find_corruption(name)
+    return not cls.effects and not cls.inputs
+
+
+def _screen_size(dataset: Path) -> Size:
+    """Return the size of the first row's picture, for which the plans are compared."""
+    height, width = open_feed(dataset, "steps").row(0)["screenshot"].shape[:2]
+    return height, width
+
+
+def _show(plans: list[WorstPlan]) -> None:
+    """Print what was found, in points of score."""
+    if not plans:
+        echo("no corruption cost anything")
+        return
+    screen = console()
+    wide = max(len(plan.label) for plan in plans)
+    screen.print(f"{'corruption':{wide}}  found  confirmed  shrinkage", markup=False)
+    for plan in plans:
+        found, confirmed = (100 * each.loss for each in (plan.found, plan.confirmed))
+        screen.print(
+            f"{plan.label:{wide}}  {found:5.1f}  {confirmed:9.1f}  {100 * plan.shrinkage:9.1f}",
+            markup=False,
+            highlight=False,
+        )
+    echo(f"points of score lost, over {plans[0].found.n} and {plans[0].confirmed.n} cases")
