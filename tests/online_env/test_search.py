@@ -89,7 +89,7 @@ def test_a_maximum_that_is_luck_shrinks(tmp_path: Path) -> None:
     )
     assert found >= 0.75
     assert confirmed <= 0.5
-    assert [p.confirmed.loss for p in plans] == sorted((p.confirmed.loss for p in plans))[::-1]
+    assert [p.confirmed.loss for p in plans] == sorted(p.confirmed.loss for p in plans)[::-1]
     kinds = {"+".join(sorted(row["label"].partition("_")[2].split("+"))) for row in trials}
     assert any("+" in kind for kind in kinds)
     assert "network_error+slow_network" not in kinds, "they exclude each other"
@@ -97,7 +97,7 @@ def test_a_maximum_that_is_luck_shrinks(tmp_path: Path) -> None:
 
 def test_a_budget_that_pays_for_nothing_is_refused(tmp_path: Path) -> None:
     space = SearchSpace(NAMES)
-    with pytest.raises(ParameterError, match="--budget 40 is too small.* are 48; raise it"):
+    with pytest.raises(ParameterError, match=r"--budget 40 is too small.* are 48; raise it"):
         search(FakePlayer(chance), SearchSettings(space=space, budget=40), tmp_path, print)
 
 
