@@ -474,16 +474,18 @@ def _planners(bench: Bench, text: str) -> Planners:
     The path of a configuration of corruptions, such as the authors' `default.yaml`, stands for all
     that it lists.
     """
-    if text.strip() in (ALL, *SETS):
-        return all_planners(text.strip())
     planners = {key: one for of in (ALL, *SETS) for key, one in all_planners(of).items()}
     planners |= bench.planners
     labels: list[str] = []
     for name in _split_names(text):
+        if name in (ALL, *SETS):
+            listed = all_planners(name)
+            labels += [label for label in listed if label != CLEAN or CLEAN not in labels]
+            continue
         if name.endswith((".yaml", ".yml")):
-            listed = load_config(name).corruptions
-            planners.update(listed)
-            labels += listed
+            in_file = load_config(name).corruptions
+            planners.update(in_file)
+            labels += in_file
             continue
         if "+" in name and name not in planners:
             planners[name] = _combine(name, planners)

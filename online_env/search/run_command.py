@@ -7,8 +7,8 @@ import click
 
 from hijack_data import extras
 from hijack_data.cli.terminal import console, echo
-from hijack_data.corruption import SETS, check_not_broken, corruption_names, find_corruption
-from hijack_data.errors import ParameterError, UnknownNameError, quantity, suggest
+from hijack_data.corruption import SETS, Corruption
+from hijack_data.errors import ParameterError, quantity
 from hijack_data.types import Size
 
 from ..bench.config import Bench, load_bench, override
@@ -117,28 +117,20 @@ def _names(text: str | None, is_dataset: bool) -> tuple[str, ...]:
 
     Raises:
         UnknownNameError: There is no such corruption.
-        ParameterError: One is given twice.
+        ParameterError: One is given twice, or is no corruption with its default parameters.
     """
-    everything = [name for of in ("all", *SETS) for name in corruption_names(of)]
-    if text is None:
-        pictures = [name for name in everything if _is_drawn(name)]
-        return tuple(pictures if is_dataset else everything)
+    planners = override(Bench(), corruption=text or ",".join(("all", *SETS))).planners
     names: list[str] = []
-    for word in (part.strip() for part in text.split(",")):
-        members = corruption_names(word) if word in ("all", *SETS) else [word]
-        for name in members:
-            check_not_broken(name)
-            if name not in everything:
-                raise UnknownNameError(f"--corruptions: no {name!r}{suggest(name, everything)}")
-            if name in names:
-                raise ParameterError(f"--corruptions names {name!r} twice: {text!r}; remove one")
-            names.append(name)
+    for label, planner in planners.items():
+        if planner is None or (text is None and is_dataset and (planner.effects or planner.inputs)):
+            continue
+        if not isinstance(planner, Corruption) or planner.name != label:
+            raise ParameterError(
+                f"--corruptions: {label!r} is not the name of a corruption; a search varies"
+                " parameters itself, and tries pairs with --pairs"
+            )
+        names.append(label)
     return tuple(names)
-
-
-def _is_drawn(name: str) -> bool:
-    cls = find_corruption(name)
-    return not cls.effects and not cls.inputs
 
 
 def _screen_size(dataset: Path) -> Size:

@@ -7,6 +7,7 @@ import pytest
 import yaml
 
 import hijack_data as hj
+from hijack_data.corruption import corruption_names
 from hijack_data.errors import (
     ConfigError,
     HijackError,
@@ -268,6 +269,8 @@ def test_a_pair_is_named_by_its_parts_and_read_back():
     assert [part.label for part in pair.parts] == ["pop_ups", "slow_network"]
     read = read_planners(bench.to_data()["corruptions"])
     assert read["pop_ups+slow_network"].to_config() == pair.to_config()
+    sets = override(Bench(), corruption="clean,everyday,marks").planners
+    assert list(sets) == ["clean", *corruption_names("everyday"), "marks"]
     for text, words in {
         "pop_ups+slow": "--corruptions: no 'slow'",
         "marks+clean": "--corruptions: no 'clean'",
