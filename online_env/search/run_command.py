@@ -6,14 +6,14 @@ from pathlib import Path
 import click
 
 from hijack_data import extras
-from hijack_data.cli.terminal import console, echo
+from hijack_data.cli.terminal import echo
 from hijack_data.corruption import SETS, Corruption
 from hijack_data.errors import ParameterError, quantity
 from hijack_data.types import Size
 
 from ..bench.config import Bench, load_bench, override
 from ..bench.models import check_agents
-from ..bench.plan_set import PlanSet, WorstPlan
+from ..bench.plan_set import Loss, PlanSet, WorstPlan
 from ..scoring.cases import Selection, open_feed
 from ..scoring.run import ScoreSettings
 from .players import LivePlayer, RowPlayer
@@ -140,18 +140,19 @@ def _screen_size(dataset: Path) -> Size:
 
 
 def _show(plans: list[WorstPlan]) -> None:
-    """Print what was found, in points of score."""
+    """Print what was found, in points of score, with the number of cases in brackets."""
     if not plans:
-        echo("no corruption cost anything")
+        echo("no corruption cost anything: is there a case that the agent solves clean?")
         return
-    screen = console()
     wide = max(len(plan.label) for plan in plans)
-    screen.print(f"{'corruption':{wide}}  found  confirmed  shrinkage", markup=False)
+    echo(f"{'points lost':{wide}}  {'found':>12}  {'confirmed':>12}  shrinkage")
     for plan in plans:
-        found, confirmed = (100 * each.loss for each in (plan.found, plan.confirmed))
-        screen.print(
-            f"{plan.label:{wide}}  {found:5.1f}  {confirmed:9.1f}  {100 * plan.shrinkage:9.1f}",
-            markup=False,
-            highlight=False,
+        shrinkage = f"{100 * plan.shrinkage:9.1f}" if plan.confirmed.n else f"{'-':>9}"
+        echo(
+            f"{plan.label:{wide}}  {_points(plan.found):>12}  {_points(plan.confirmed):>12} "
+            f" {shrinkage}"
         )
-    echo(f"points of score lost, over {plans[0].found.n} and {plans[0].confirmed.n} cases")
+
+
+def _points(loss: Loss) -> str:
+    return f"{100 * loss.loss:.1f} ({loss.n})" if loss.n else "no score"
