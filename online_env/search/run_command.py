@@ -37,6 +37,7 @@ def run_search(
     limit: int | None,
     workers: int,
     desktops: int | None,
+    dry_run: bool,
 ) -> None:
     """Search; the arguments are the options of `hijack search`.
 
@@ -45,8 +46,9 @@ def run_search(
         UsageError: `out` is missing, or an option is for the other kind of search.
     """
     extras.require("hijack search", "search", ("optuna",))
-    if out is None:
-        raise click.UsageError("--out DIR: say where the search goes")
+    if out is None and not dry_run:
+        raise click.UsageError("--out DIR: say where the search goes (or --dry-run)")
+    out = out or Path()
     is_dataset = Path(source).is_dir()
     _check_options(is_dataset, tasks=tasks, seeds=seeds, desktops=desktops, limit=limit)
     space = SearchSpace(_names(corruptions, is_dataset), pairs)
@@ -79,11 +81,13 @@ def run_search(
         both = (*bench.seeds, *player.held_out_seeds)
         bench_data = {**bench.to_file_data(), "seeds": list(both)}
     count = settings.count_trials(player)
-    begin(out, {**about, "source": source, "agent": agent, "bench": bench_data}, resume)
     echo(
         f"{quantity(count, 'corruption')} on {quantity(player.cases, 'case')}, the worst {keep} of"
         f" them on {player.held_out} others"
     )
+    if dry_run:
+        return
+    begin(out, {**about, "source": source, "agent": agent, "bench": bench_data}, resume)
     try:
         plans = search(player, settings, out, echo)
     except KeyboardInterrupt:

@@ -12,7 +12,7 @@ from hijack_data.cli.completion import complete
 from hijack_data.cli.options import BriefCommand, desktops_option, new_run_options, seed_option
 
 
-@click.command(cls=BriefCommand, more=("keep", "limit", "workers", "seeds"))
+@click.command(cls=BriefCommand, more=("desktops", "keep", "limit", "seeds", "workers"))
 @click.argument("source", metavar="CONFIG|DATASET")
 @click.option(
     "--agent",
@@ -47,8 +47,16 @@ from hijack_data.cli.options import BriefCommand, desktops_option, new_run_optio
 )
 @seed_option("Seed of the search.")
 @click.option("--limit", type=click.IntRange(2), metavar="N", help="The first N trajectories.")
-@click.option("--workers", type=click.IntRange(1, 256), default=1, help="Agents for rows.")
+@click.option(
+    "--workers",
+    type=click.IntRange(1, 256),
+    default=1,
+    show_default=True,
+    metavar="N",
+    help="Agents that answer side by side, for rows.",
+)
 @desktops_option
+@click.option("--dry-run", is_flag=True, help="Say what would be played, and play nothing.")
 def search(**options: Any) -> None:
     """Find the corruptions under which an agent does worst, within a budget.
 
