@@ -12,7 +12,9 @@ from typing import Any
 
 from common import machine, table
 
-HEADER = ("agent", "corruption", "settings", "found", "confirmed", "shrinkage")
+from hijack_data.corruption import make_corruption
+
+HEADER = ("agent", "corruption", "found", "confirmed", "shrinkage")
 
 
 def main() -> None:
@@ -37,20 +39,18 @@ def row(plan: Any) -> list[str]:
     named = [pair for part in parts for pair in part.items()]
     found, confirmed = (100 * plan[key]["loss"] for key in ("found", "confirmed"))
     return [
-        plan["label"].partition("_")[2],
-        "; ".join(f"{name}: {short(values)}" for name, values in named),
+        "; ".join(short(*pair) for pair in named),
         f"{found:.0f} ({plan['found']['n']})",
         f"{confirmed:.0f} ({plan['confirmed']['n']})",
         f"{found - confirmed:.0f}",
     ]
 
 
-def short(values: dict[str, Any]) -> str:
-    """Return settings in words, without texts."""
-    kept = {
-        key: value for key, value in values.items() if "string" not in key and "text" not in key
-    }
-    return ", ".join(f"{key} {value}" for key, value in kept.items() if key != "as")
+def short(name: str, values: dict[str, Any]) -> str:
+    """Return a corruption with the settings that are not its defaults."""
+    default = make_corruption(name).params()
+    other = [f"{key} {values[key]}" for key in default if values[key] != default[key]]
+    return f"{name} ({', '.join(other)})" if other else name
 
 
 if __name__ == "__main__":

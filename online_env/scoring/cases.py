@@ -17,7 +17,7 @@ from hijack_data.runs.run_log import row_slug
 from ..choices import QUESTIONS, Question
 from .dataset_rows import DatasetRows, ExportedRows, RowData, RowFeed, is_export
 from .onlookers import is_reminder
-from .planned_rows import Part, PlannedRows
+from .planned_rows import RowPart, PlannedRows
 from .rules import UNSCORED
 
 CaseKey: TypeAlias = tuple[str, str, str, int]
@@ -120,7 +120,7 @@ class RowPlans:
 
     planners: Mapping[str, Planner | None]
     seed: int = 0
-    part: Part = "all"
+    part: RowPart = "all"
 
     def to_data(self) -> dict[str, Any]:
         """Return the corruptions with all parameters, and what else decides the rows."""

@@ -12,7 +12,7 @@ from hijack_data.samples import SamplePlanner
 from .dataset_rows import DamagedRowError, DatasetRows, RowData
 
 # Trajectories by turns: those that a search uses, and those on which it is confirmed.
-Part: TypeAlias = Literal["all", "search", "held_out"]
+RowPart: TypeAlias = Literal["all", "search", "held_out"]
 
 
 class PlannedRows:
@@ -33,7 +33,7 @@ class PlannedRows:
     """
 
     def __init__(
-        self, folder: Path, planners: Mapping[str, Planner | None], seed: int, part: Part = "all"
+        self, folder: Path, planners: Mapping[str, Planner | None], seed: int, part: RowPart = "all"
     ) -> None:
         for label, planner in planners.items():
             if planner is not None and (planner.effects or planner.inputs):
@@ -57,7 +57,7 @@ class PlannedRows:
                 " of two trajectories or more"
             )
 
-    def _clean_rows(self, part: Part) -> Iterator[tuple[int, str, RowData]]:
+    def _clean_rows(self, part: RowPart) -> Iterator[tuple[int, str, RowData]]:
         """Yield number, split and light columns of the clean rows of a part."""
         trajectories: dict[str, int] = {}
         for number, (split, row) in enumerate(self._rows.heads()):

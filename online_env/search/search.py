@@ -32,7 +32,7 @@ UNPLAYABLE = -1.0
 MIN_STARTUP_TRIALS = 5  # random ones, before the sampler learns from the others
 
 
-class Player(Protocol):
+class CorruptionPlayer(Protocol):
     """Plays corruptions: live, or over the rows of a dataset."""
 
     @property
@@ -78,7 +78,7 @@ class SearchSettings:
     keep: int = 5
     batch: int = 5
 
-    def count_trials(self, player: Player) -> int:
+    def count_trials(self, player: CorruptionPlayer) -> int:
         """Return how many corruptions the budget pays for, beside the clean cases and the end.
 
         Raises:
@@ -123,7 +123,7 @@ class _Trials:
 
 
 def search(
-    player: Player, settings: SearchSettings, out: Path, say: Callable[[str], object]
+    player: CorruptionPlayer, settings: SearchSettings, out: Path, say: Callable[[str], object]
 ) -> list[WorstPlan]:
     """Return the corruptions that cost an agent most, the worst confirmed loss first.
 
@@ -208,7 +208,7 @@ def _propose(
     return proposals
 
 
-def _confirm(player: Player, trials: _Trials, keep: int) -> list[WorstPlan]:
+def _confirm(player: CorruptionPlayer, trials: _Trials, keep: int) -> list[WorstPlan]:
     """Play the worst on held-out cases."""
     worst = {label: trials.planners[label] for label in trials.ranked()[:keep]}
     if not worst:
