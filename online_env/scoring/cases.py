@@ -17,7 +17,7 @@ from hijack_data.runs.run_log import row_slug
 from ..choices import QUESTIONS, Question
 from .dataset_rows import DatasetRows, ExportedRows, RowData, RowFeed, is_export
 from .onlookers import is_reminder
-from .planned_rows import RowPart, PlannedRows
+from .planned_rows import PlannedRows, RowPart
 from .rules import UNSCORED
 
 CaseKey: TypeAlias = tuple[str, str, str, int]

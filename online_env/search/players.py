@@ -58,7 +58,7 @@ class LivePlayer:
         return tuple(range(after, after + len(self._bench.seeds)))
 
     def losses(self, name: str, planners: Mapping[str, Planner], *, held_out: bool) -> Losses:
-        """Play corruptions; see `CorruptionPlayer.losses`. The first of either kind plays clean, too."""
+        """Play corruptions, as the protocol says; the first of either kind plays clean, too."""
         clean: dict[str, Planner | None] = {} if held_out in self._clean else {CLEAN: None}
         bench = replace(self._bench, corruptions={**clean, **planners})
         if held_out:
@@ -104,7 +104,7 @@ class RowPlayer:
         return len(self._run({CLEAN: None}, held_out).cases.cases)
 
     def losses(self, name: str, planners: Mapping[str, Planner], *, held_out: bool) -> Losses:
-        """Ask about rows; see `CorruptionPlayer.losses`. The first of either kind asks clean, too."""
+        """Ask about rows, as the protocol says; the first of either kind asks clean, too."""
         clean: dict[str, Planner | None] = {} if held_out in self._clean else {CLEAN: None}
         run = self._run({**clean, **planners}, held_out)
         out = self._out / ROUNDS / name
