@@ -35,6 +35,7 @@ SCRIPTS = {
     "suite": "The suite of tasks",
     "live_steps": "Corruptions on a live desktop, step by step",
     "everyday_faults": "Everyday faults",
+    "worst_case": "The worst case",
     "reports": "Reports",
     "interval_coverage": "Intervals of reports, simulated",
     "viewer_runs": "The page of runs",

@@ -10,12 +10,16 @@ import numpy as np
 
 from .batches import Corrupted, corrupt_batch, moved_target
 from .errors import ParameterError, ParameterTypeError
+from .params import Parameter
 from .plan import Plan
 from .planner import Planner, as_planner
 from .rng import Branch, Stream, branch
 from .types import Scene
 
 __all__ = ["Augmentation", "Corrupted", "OneOf", "Schedule", "Sequence", "probability", "sometimes"]
+
+BEFORE = -1  # the step of what happens before an episode
+_MAX_TIMES = Parameter("int", "", low=1, high=1000, optional=True)
 
 
 class Augmentation(Planner):
@@ -83,10 +87,12 @@ class OneOf(Augmentation):
         p_clean: probability that a sample stays clean, 0..1; in a nested combinator, it applies to
             the samples that reach that combinator.
         weights: relative weights of the options, finite and >= 0; equal by default.
+        max_times: the most steps of one sample (an episode, a trajectory) at which an option acts,
+            >= 1; `None` for no limit. The draws of earlier steps are repeated to count them.
 
     Raises:
         ParameterError: there are no options, or a number is out of range.
-        ParameterTypeError: an option is not a planner, or `p_clean` or a weight is not a number.
+        ParameterTypeError: an option is not a planner, or a number has the wrong type.
     """
 
     def __init__(
@@ -95,8 +101,10 @@ class OneOf(Augmentation):
         *,
         p_clean: float = 0.0,
         weights: SequenceOf[float] | None = None,
+        max_times: int | None = None,
     ) -> None:
         self.options = _planners(options, "OneOf")
+        self.max_times: int | None = _MAX_TIMES.check("OneOf: max_times", max_times)
         self.p_clean = probability(p_clean, "OneOf: p_clean")
         count = len(self.options)
         self.weights = (1.0,) * count if weights is None else _weights(weights, count)
@@ -106,7 +114,8 @@ class OneOf(Augmentation):
         options = ", ".join(map(repr, self.options))
         is_even = len(set(self.weights)) == 1
         weights = "" if is_even else f", weights={self.weights}"
-        return f"OneOf([{options}], p_clean={self.p_clean:g}{weights})"
+        limit = "" if self.max_times is None else f", max_times={self.max_times}"
+        return f"OneOf([{options}], p_clean={self.p_clean:g}{weights}{limit})"
 
     @property
     def parts(self) -> tuple[Planner, ...]:
@@ -133,7 +142,27 @@ class OneOf(Augmentation):
         self, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0
     ) -> tuple[Planner, Branch] | None:
         """Draw whether to corrupt a sample; return the drawn option and its key, or `None`."""
-        stream = Stream(seed, "one_of-v2", sample, step or 0, epoch)
+        choice = self._draw(seed, sample, step or 0, epoch)
+        if choice is None or self.max_times is None:
+            return choice
+        earlier = range(BEFORE, step or 0)
+        times = sum(self._acts(seed, sample, each, epoch) for each in earlier)
+        return choice if times < self.max_times else None
+
+    def _acts(self, seed: int, sample: int | str, step: int, epoch: int) -> bool:
+        """Return whether the option that is drawn for a step acts at it."""
+        choice = self._draw(seed, sample, step, epoch)
+        if choice is None:
+            return False
+        option = choice[0]
+        if step == BEFORE and not (option.effects or option.inputs):
+            return False  # there is no picture before the first
+        return option.is_due(step)
+
+    def _draw(
+        self, seed: int, sample: int | str, step: int, epoch: int
+    ) -> tuple[Planner, Branch] | None:
+        stream = Stream(seed, "one_of-v2", sample, step, epoch)
         if stream.random() < self.p_clean:
             return None
         at = stream.random() * float(self._edges[-1])
@@ -143,11 +172,13 @@ class OneOf(Augmentation):
 
     def to_config(self) -> dict[str, dict[str, Any]]:
         """Return the entry `one_of`; see `Planner.to_config`."""
-        settings = {
+        settings: dict[str, Any] = {
             "options": [option.to_config() for option in self.options],
             "p_clean": self.p_clean,
             "weights": list(self.weights),
         }
+        if self.max_times is not None:
+            settings["max_times"] = self.max_times
         return {"one_of": settings}
 
 

@@ -152,7 +152,7 @@ def test_flags_are_flags():
 
 def test_what_takes_long_can_be_tried_and_continued():
     """Whatever plays or trains for hours says beforehand what it would do, and goes on."""
-    for name in ("build", "bench", "score", "train"):
+    for name in ("build", "bench", "score", "search", "train"):
         flags = {word for option in EVERY[name].params for word in option.opts}
         assert {"-o", "--dry-run", "--resume"} <= flags, name
 

@@ -53,6 +53,8 @@ COMMANDS_WITHOUT_ONLINE = {
     "serve embedded_small --dry-run": "serve",
     "mcp --browser": "mcp",
     "browser --help": WORKS,
+    "search --help": WORKS,
+    "mine {run} -o {out}/lost": LACKS,
     "compare {run} {run}": LACKS,
     "certify {run}": LACKS,
     "gate {run} --fail-under success=0": WORKS,

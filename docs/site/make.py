@@ -57,6 +57,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         "reports",
         "results_of_others",
         "certificate",
+        "search",
         "pull_requests",
         "write_a_task",
     ),

@@ -169,6 +169,8 @@ class WaitingFaults:
     def alter(self, code: str, boxes: BoxArray) -> AlteredAction | None:
         """Return what arrives of an action, or `None` if no fault hits it.
 
+        A `drop` comes first: an action that gets lost leaves nothing for other faults to hit.
+
         Args:
             code: the action, in pixels of the screen; code that `read_action` accepts.
             boxes: of the elements on the screen, int32 `[N, 4]`, `xyxy`.
@@ -178,7 +180,7 @@ class WaitingFaults:
         """
         hits: list[InputFault] = []
         waiting: list[InputFault] = []
-        for fault in self._waiting:
+        for fault in sorted(self._waiting, key=lambda fault: fault.fault != "drop"):
             altered = alter_code(code, fault, self._size, boxes)
             if altered is None:
                 waiting.append(fault)

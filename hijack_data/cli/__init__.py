@@ -53,6 +53,8 @@ COMMANDS = {
     "serve": "online_env.serving.serve_command:serve",
     "mcp": "online_env.mcp.mcp_command:mcp",
     "score": "online_env.scoring.score_command:score",
+    "search": "online_env.search.search_command:search",
+    "mine": "online_env.search.search_command:mine",
     "report": "online_env.report.report_command:report",
     "compare": "online_env.report.report_command:compare_command",
     "gate": "online_env.report.report_command:gate",

@@ -39,6 +39,8 @@ SECTIONS = {
         ),
         "mcp": "Let any MCP client play one corrupted, scored episode.",
         "score": "Score agents on the rows of a dataset, clean and corrupted, without a desktop.",
+        "search": "Find the corruptions under which an agent does worst, within a budget.",
+        "mine": "Group the lost episodes of a run, and write a benchmark for each group.",
         "report": "Show the results of a run, such as: hijack report runs/small.",
         "compare": (
             "Compare a run case by case with an earlier one: hijack compare runs/new runs/old."

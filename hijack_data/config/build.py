@@ -16,10 +16,11 @@ from .paper import paper_name
 COMBINATORS = ("one_of", "sequence")
 # Labels that have another meaning on the command line or in a dataset.
 RESERVED = ("clean", "all")
-_LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
-_LABEL_RULE = "1 to 64 letters, digits, '_', '.' or '-', the first a letter or digit"
+_LABEL = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
+_LABEL_RULE = "1 to 64 letters, digits, '_', '.', '+' or '-', the first a letter or digit"
 _SHARE = Parameter("float", "", low=0, high=1)
 _WEIGHT = Parameter("float", "", low=0, high=1e9)
+_MAX_TIMES = Parameter("int", "", low=1, high=1000)
 
 
 @dataclass(frozen=True)
@@ -166,7 +167,7 @@ class Builder:
         return Sequence(parts) if parts else None
 
     def _one_of(self, entry: ConfigEntry) -> Planner | None:
-        found = self._combinator(entry, "one_of", "options", ("p_clean", "weights"))
+        found = self._combinator(entry, "one_of", "options", ("p_clean", "weights", "max_times"))
         if found is None:
             return None
         settings, members = found
@@ -176,10 +177,13 @@ class Builder:
         weights = settings.items.get("weights")
         p_clean = 0.0 if clean is None else check(self.problems, _SHARE, "one_of.p_clean", clean)
         numbers = None if weights is None else self._weights(weights)
+        limit = settings.items.get("max_times")
+        if limit is not None:
+            limit = check(self.problems, _MAX_TIMES, "one_of.max_times", limit)
         if len(self.problems.found) > before:
             return None
         try:
-            return OneOf(options, p_clean=p_clean, weights=numbers)
+            return OneOf(options, p_clean=p_clean, weights=numbers, max_times=limit)
         except HijackError as error:
             self.problems.add(weights.place if weights else entry.place, str(error))
             return None

@@ -34,6 +34,7 @@ from .machine_options import MORE, machine_options
         "guard",
         "in_process",
         "max_cost",
+        "plans",
         "prompts",
         "ray_address",
         "recovery",
@@ -43,7 +44,7 @@ from .machine_options import MORE, machine_options
         "until_retention",
     ),
 )
-@click.argument("config", shell_complete=complete_configuration("benchmark"))
+@click.argument("config", required=False, shell_complete=complete_configuration("benchmark"))
 @new_run_options
 @click.option(
     "--agent",
@@ -58,6 +59,12 @@ from .machine_options import MORE, machine_options
     help="Tasks, instead of those of CONFIG: write_note, my_task.py:MyTask.",
 )
 @conditions_option
+@click.option(
+    "--plans",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="The corruptions of a worst.json of hijack search; without CONFIG its tasks, too.",
+)
 @click.option(
     "--severities",
     metavar="1-5",

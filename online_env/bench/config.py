@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import yaml
 
+from hijack_data.compose import Sequence
 from hijack_data.config import dump, load_config
 from hijack_data.config.build import Builder
 from hijack_data.config.corruption_settings import check
@@ -22,6 +23,7 @@ from hijack_data.config.nodes import (
     Problems,
     ScalarNode,
     SequenceNode,
+    from_python,
     kind_of,
 )
 from hijack_data.config.yaml_reader import read_yaml
@@ -222,6 +224,12 @@ class Bench:
             data["code"] = code
         return data
 
+    def to_file_data(self) -> dict[str, Any]:
+        """Return the settings as its file has them, without agents and corruptions."""
+        data = self.to_data()
+        left_out = ("agents", "corruptions")
+        return {key: data[key] for key in KEYS if key in data and key not in left_out}
+
     @property
     def asked_agents(self) -> tuple[str, ...]:
         """The agents, with the guard if it is an agent file."""
@@ -294,6 +302,22 @@ def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:
         content = "the file is empty" if tree is None else f"got {kind_of(tree)}"
         problems.stop(start, f"a benchmark is a mapping such as tasks: [write_note], {content}")
     bench = _Reader(problems).read(tree, name)
+    problems.check()
+    return bench
+
+
+def bench_from_data(data: Mapping[str, Any], name: str) -> Bench:
+    """Return the benchmark of settings as a file has them.
+
+    Args:
+        data: The settings.
+        name: Where they are from, for messages.
+
+    Raises:
+        ConfigError: All mistakes in them.
+    """
+    problems = Problems()
+    bench = _Reader(problems).read(cast("MappingNode", from_python(data, name, problems)), name)
     problems.check()
     return bench
 
@@ -450,17 +474,21 @@ def _planners(bench: Bench, text: str) -> Planners:
     The path of a configuration of corruptions, such as the authors' `default.yaml`, stands for all
     that it lists.
     """
-    if text.strip() in (ALL, *SETS):
-        return all_planners(text.strip())
     planners = {key: one for of in (ALL, *SETS) for key, one in all_planners(of).items()}
     planners |= bench.planners
     labels: list[str] = []
     for name in _split_names(text):
-        if name.endswith((".yaml", ".yml")):
-            listed = load_config(name).corruptions
-            planners.update(listed)
-            labels += listed
+        if name in (ALL, *SETS):
+            listed = all_planners(name)
+            labels += [label for label in listed if label != CLEAN or CLEAN not in labels]
             continue
+        if name.endswith((".yaml", ".yml")):
+            in_file = load_config(name).corruptions
+            planners.update(in_file)
+            labels += in_file
+            continue
+        if "+" in name and name not in planners:
+            planners[name] = _combine(name, planners)
         if name not in planners:
             check_not_broken(name)
         labels.append(name)
@@ -468,6 +496,18 @@ def _planners(bench: Bench, text: str) -> Planners:
         label: planners[label]
         for label in _check_names("--corruptions", ",".join(labels), planners)
     }
+
+
+def _combine(text: str, planners: Planners) -> Planner:
+    """Return the sequence that `pop_ups+slow_network` stands for.
+
+    Raises:
+        UnknownNameError: One of the names is not known.
+        ParameterError: One of them is given twice.
+    """
+    corrupting = {label: planner for label, planner in planners.items() if planner is not None}
+    names = _check_names("--corruptions", text.replace("+", ","), corrupting)
+    return Sequence(corrupting[name] for name in names)
 
 
 def _registered_names(option: str, text: str, registry: AnyRegistry) -> tuple[str, ...]:

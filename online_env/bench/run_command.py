@@ -22,11 +22,20 @@ from ..report.terminal import show
 from ..results import costs, records
 from ..results.stop_rule import SequentialTest
 from ..tasks import find_family
-from .config import Bench, at_severities, end_at_retention, load_bench, on_machines, override
+from .config import (
+    Bench,
+    at_severities,
+    bench_from_data,
+    end_at_retention,
+    load_bench,
+    on_machines,
+    override,
+)
 from .episodes import LiveEpisodes
 from .estimates import estimate, history_near
 from .jobs import Job, attempts, jobs
 from .models import ModelOptions, check_agents, prepare
+from .plan_set import read_plan_set
 from .playable import check_machines, only_playable
 from .pools import LOCAL, EpisodePool, open_pool
 from .progress import ProgressDisplay
@@ -38,7 +47,8 @@ from .workers import LocalPool, WorkerSetup, default_desktops, open_stage, refer
 
 def run_command(
     *,
-    config: str,
+    config: str | None,
+    plans: Path | None,
     out: Path | None,
     agent: str | None,
     tasks: str | None,
@@ -76,7 +86,7 @@ def run_command(
         UsageError: `out` is missing.
     """
     benchmark = override(
-        load_bench(config),
+        _load(config, plans),
         agent,
         tasks,
         corruptions,
@@ -122,16 +132,66 @@ def run_command(
         raise click.UsageError("--out RUNS: say where the records go (or --dry-run)")
     if sign is not None:
         seal.check_key(sign)
+    run = play_run(benchmark, out, models, resume, engine, desktops, ray_address)
+    show(run)
+    if sign is not None:
+        seal.sign(out, sign)
+    raise SystemExit(exit_code(run))
+
+
+def _load(config: str | None, plans: Path | None) -> Bench:
+    """Return the benchmark of a file, with the corruptions of a set of plans if there is one.
+
+    Raises:
+        HijackError: One of the files is wrong.
+        UsageError: There is no benchmark.
+    """
+    if plans is None:
+        if config is None:
+            raise click.UsageError("Missing argument 'CONFIG'")
+        return load_bench(config)
+    plan_set = read_plan_set(plans)
+    if config is None and plan_set.bench is None:
+        raise click.UsageError(
+            f"{plans} was found over the rows of a dataset: name a CONFIG to play it live, or"
+            f" score it with hijack score DATASET --plans {plans}"
+        )
+    base = load_bench(config) if config else bench_from_data(plan_set.bench or {}, str(plans))
+    return replace(base, corruptions=plan_set.planners)
+
+
+def play_run(
+    benchmark: Bench,
+    out: Path,
+    models: ModelOptions,
+    resume: bool = False,
+    engine: str = LOCAL,
+    desktops: int | None = None,
+    ray_address: str | None = None,
+) -> records.Run:
+    """Play the episodes of a benchmark that are missing in a folder, and return the run.
+
+    Args:
+        benchmark: The benchmark.
+        out: The folder of the run.
+        models: The options of the command line about models.
+        resume: Whether to go on with a run that is there.
+        engine: `"local"` or `"ray"`.
+        desktops: The most desktops; by default as many as fit.
+        ray_address: A running cluster.
+
+    Raises:
+        HijackError: The run is refused.
+        Abort: It was interrupted by Ctrl-C.
+    """
+    planned_jobs = jobs(benchmark)
     _check_here(benchmark, engine, len(planned_jobs))
     setup = _setup(benchmark, out, models)
     with (
         open_pool(engine, setup, len(planned_jobs), desktops, ray_address, _notice) as pool,
         _begin_run(benchmark, planned_jobs, out, resume, pool.desktops),
     ):
-        code = _run(benchmark, planned_jobs, out, pool, models)
-    if sign is not None:
-        seal.sign(out, sign)
-    raise SystemExit(code)
+        return _run(benchmark, planned_jobs, out, pool, models)
 
 
 def _print_plan(
@@ -206,8 +266,7 @@ def _run(
     out: Path,
     pool: EpisodePool,
     models: ModelOptions,
-) -> int:
-
+) -> records.Run:
     earlier = attempts(planned_jobs, records.read(out).records)
     remaining = _due_jobs(benchmark, earlier)
     screen = console()
@@ -229,9 +288,7 @@ def _run(
         except StorageError:
             _print_records_kept(out)
             raise
-    run = records.read(out)
-    show(run)
-    return exit_code(run)
+    return records.read(out)
 
 
 def _print_records_kept(out: Path) -> None:

@@ -74,12 +74,14 @@ class LiveEffect(ABC):
         before_setup: True for an error of the environment that the set-up of a task should meet,
             such as a network that is gone when the browser opens its page; see
             `EvalSettings.environment_errors`.
+        conflicts: kinds that cannot be in force together with this one, each with the reason.
     """
 
     kind: ClassVar[str]
     needs: ClassVar[frozenset[Capability]] = frozenset()
     lasting: ClassVar[bool] = True
     before_setup: ClassVar[bool] = False
+    conflicts: ClassVar[Mapping[str, str]] = {}
 
     @abstractmethod
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:

@@ -53,6 +53,9 @@ class SlowLink(LiveEffect):
 
     kind: ClassVar[str] = "slow_link"
     needs: ClassVar[frozenset[Capability]] = frozenset({"firewall"})
+    conflicts: ClassVar[Mapping[str, str]] = {
+        "firewall": "no site answers while the network is cut, so no rate can be measured"
+    }
 
     def require(self, guest: Guest) -> None:
         """Check that the kernel has what limits a rate.

@@ -105,12 +105,12 @@ class Script:
 
         Raises:
             ParameterError: The screen is too small, the pictures have several sizes, a node of a
-                page cannot do what the corruption does, or the agent may run any code, which faults
-                of the input cannot read.
+                page cannot do what the corruption does, two of its parts cannot act in one episode,
+                or the agent may run any code, which faults of the input cannot read.
             MissingCapabilityError: The desktop lacks capabilities, all of which are named.
             UnknownNameError: An effect is of an unknown kind.
         """
-        plans = [self.plan(step) for step in range(BEFORE, steps + 1)]
+        plans = self.plan_ahead(steps)
         self._check_capabilities(plans, desktop)
         if allow_code and any(plan.inputs for plan in plans):
             raise ParameterError(
@@ -145,6 +145,36 @@ class Script:
                 f"{get_label(self.planner)} resizes the picture, which no node of a page can do:"
                 " use layer='picture', or leave it out"
             )
+
+    def plan_ahead(self, steps: int) -> list[Plan]:
+        """Return the plans before the episode and of steps 0 to `steps`, without elements.
+
+        Raises:
+            ParameterError: The screen is too small; two effects exclude each other; or one plan
+                holds the same effect or kind of fault twice, of which the second changes nothing.
+        """
+        plans = [self.plan(step) for step in range(BEFORE, steps + 1)]
+        name = get_label(self.planner)
+        kinds = sorted({effect.kind for plan in plans for effect in plan.effects})
+        for kind in kinds:
+            for other, reason in find(kind).conflicts.items():
+                if other in kinds:
+                    raise ParameterError(
+                        f"{name} has the effects {kind!r} and {other!r}, which cannot be combined:"
+                        f" {reason}; leave one of them out"
+                    )
+        for plan in plans:
+            effects = [effect.to_data() for effect in plan.effects]
+            faults = [fault.fault for fault in plan.inputs]
+            same = next((each for each in effects if effects.count(each) > 1), None)
+            same_fault = next((each for each in faults if faults.count(each) > 1), None)
+            if same is not None or same_fault is not None:
+                kind = same_fault if same is None else same["effect"]
+                raise ParameterError(
+                    f"{name} plans {kind!r} twice at one step, and the second would change nothing;"
+                    " give the parts different steps, or leave one out"
+                )
+        return plans
 
     def _check_capabilities(self, plans: list[Plan], desktop: Desktop) -> None:
         kinds = {effect.kind for plan in plans for effect in plan.effects}

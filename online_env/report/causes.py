@@ -308,6 +308,21 @@ RULES = (
 CAUSES = (*(rule.cause for rule in RULES), UNEXPLAINED)
 
 
+@dataclass(frozen=True, kw_only=True)
+class LostEpisode:
+    """A disturbed episode that was lost.
+
+    Attributes:
+        record: of `records.jsonl`.
+        cause: one of `CAUSES`.
+        turn: the step where it turned, if that is known.
+    """
+
+    record: ResultRecord
+    cause: str
+    turn: int | None
+
+
 def loss_causes(
     run: Run, groups: scores.GroupedRecords
 ) -> tuple[list[DisturbedCount], list[LossCause]]:
@@ -322,11 +337,35 @@ def loss_causes(
         application and cause. None of a run whose records have no effects: of `hijack score`, or of
         another harness.
     """
+    counts, episodes = find_lost(run, groups)
+    turns: dict[tuple[str, str, str, str], list[int | None]] = {}
+    for lost in episodes:
+        record = lost.record
+        key = record["agent"], record["corruption"], record_app(record), lost.cause
+        turns.setdefault(key, []).append(lost.turn)
+    rows = [
+        LossCause(
+            agent=agent,
+            corruption=label,
+            app=app,
+            cause=cause,
+            n=len(steps),
+            turns=tuple(sorted(step for step in steps if step is not None)),
+        )
+        for (agent, label, app, cause), steps in turns.items()
+    ]
+    return counts, rows
+
+
+def find_lost(
+    run: Run, groups: scores.GroupedRecords
+) -> tuple[list[DisturbedCount], list[LostEpisode]]:
+    """Return the counts of `loss_causes`, and each episode that was disturbed and lost."""
     if not run.is_live:
         return [], []
     names = corruptions_by_label(run.config)
     counts: dict[str, dict[str, int]] = {}
-    turns: dict[tuple[str, str, str, str], list[int | None]] = {}
+    episodes: list[LostEpisode] = []
     for (agent, label), cell in groups.scored.items():
         if label == CLEAN:
             continue
@@ -352,19 +391,8 @@ def loss_causes(
             count["lost"] += 1
             clean = _Episode(groups.last[agent, CLEAN][case], run.folder)
             cause, step = _explain(_Lost(episode=episode, clean=clean, start=start))
-            turns.setdefault((agent, label, record_app(record), cause), []).append(step)
-    rows = [
-        LossCause(
-            agent=agent,
-            corruption=label,
-            app=app,
-            cause=cause,
-            n=len(steps),
-            turns=tuple(sorted(step for step in steps if step is not None)),
-        )
-        for (agent, label, app, cause), steps in turns.items()
-    ]
-    return [DisturbedCount(agent=agent, **count) for agent, count in counts.items()], rows
+            episodes.append(LostEpisode(record=record, cause=cause, turn=step))
+    return [DisturbedCount(agent=agent, **count) for agent, count in counts.items()], episodes
 
 
 def _explain(lost: _Lost) -> tuple[str, int | None]:

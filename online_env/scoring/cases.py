@@ -1,18 +1,23 @@
 """The cases of a run: which rows of a dataset are put to an agent, and what pairs them."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
+import yaml
+
+from hijack_data.config import dump
 from hijack_data.errors import ParameterError, suggest
 from hijack_data.plan import CLEAN
+from hijack_data.planner import Planner
 from hijack_data.runs.run_log import row_slug
 
 from ..choices import QUESTIONS, Question
 from .dataset_rows import DatasetRows, ExportedRows, RowData, RowFeed, is_export
 from .onlookers import is_reminder
+from .planned_rows import PlannedRows, RowPart
 from .rules import UNSCORED
 
 CaseKey: TypeAlias = tuple[str, str, str, int]
@@ -106,8 +111,37 @@ def choose_question(folder: Path, requested: str | None) -> Question:
     return question
 
 
-def open_feed(folder: Path, question: Question) -> RowFeed:
-    """Open the rows of a dataset, or of a table of an export."""
+@dataclass(frozen=True, kw_only=True)
+class RowPlans:
+    """Corruptions that are applied to the clean rows of a dataset while they are read.
+
+    Args:
+        planners: by label; `None` is the clean condition.
+        seed: of all draws.
+        part: which trajectories.
+    """
+
+    planners: Mapping[str, Planner | None]
+    seed: int = 0
+    part: RowPart = "all"
+
+    def to_data(self) -> dict[str, Any]:
+        """Return the corruptions with all parameters, and what else decides the rows."""
+        planners = {label: one for label, one in self.planners.items() if one is not None}
+        entries = yaml.safe_load(dump(planners))["corruptions"] if planners else []
+        return {"corruptions": entries, "seed": self.seed, "part": self.part}
+
+
+def open_feed(folder: Path, question: Question, plans: RowPlans | None = None) -> RowFeed:
+    """Open the rows of a dataset, or of a table of an export.
+
+    Raises:
+        ParameterError: the rows cannot be corrupted by `plans`.
+    """
+    if plans is not None:
+        if question != "steps" or is_export(folder):
+            raise ParameterError("--plans corrupts the rows of a dataset whose steps are scored")
+        return PlannedRows(folder, plans.planners, plans.seed, plans.part)
     if question == "summaries":
         return ExportedRows(folder, question, ("before", "after"))
     if is_export(folder):

@@ -19,7 +19,7 @@ from ..agents.registry import AGENTS
 from ..choices import ROW_TIMEOUT_S, Question
 from ..results import records
 from ..results.reading import ResultRecord
-from .cases import Case, CaseKey, CaseList, Selection, open_feed, select_cases
+from .cases import Case, CaseKey, CaseList, RowPlans, Selection, open_feed, select_cases
 from .row_asker import AskSettings
 from .rules import NEAR, Distance
 from .workers import Listener, WorkerPool
@@ -50,6 +50,7 @@ class ScoreSettings:
         in_process: whether agents of users run in this process, for debugging.
         agent_memory: GiB that an agent's process may use; 0 for the default.
         guard: what watches every agent; "" for nothing. It sees the row's picture only.
+        plans: corruptions that are applied to the clean rows while they are read.
     """
 
     dataset: Path
@@ -63,6 +64,7 @@ class ScoreSettings:
     in_process: bool = False
     agent_memory: float = 0.0
     guard: str = ""
+    plans: RowPlans | None = None
 
     def ask_settings(self, agent: str) -> AskSettings:
         """How rows are put to one of the agents."""
@@ -90,7 +92,7 @@ class ScoreRun:
 
     def __init__(self, settings: ScoreSettings) -> None:
         self.settings = settings
-        feed = open_feed(settings.dataset, settings.question)
+        feed = open_feed(settings.dataset, settings.question, settings.plans)
         self._content = feed.content
         self.cases: CaseList = select_cases(feed, settings.question, settings.selection)
         for agent in settings.agents:
@@ -116,10 +118,12 @@ class ScoreRun:
         in_process = {"in_process": True} if settings.in_process else {}
         guard = {"guard": settings.guard} if settings.guard else {}
         unchanged = {"unchanged": self.cases.unchanged} if self.cases.unchanged else {}
+        plans = {} if settings.plans is None else {"plans": settings.plans.to_data()}
         return {
             **in_process,
             **guard,
             **unchanged,
+            **plans,
             "kind": SCORE_RUN,
             "source": str(settings.dataset),
             "content": self._content,
@@ -193,6 +197,7 @@ class ScoreRun:
                 timeout=settings.timeout,
                 notice=notice,
                 memory=int(settings.agent_memory * 2**30) or None,
+                plans=settings.plans,
             )
             with pool:
                 _write(

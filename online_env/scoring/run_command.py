@@ -13,11 +13,12 @@ from hijack_data.errors import ParameterError
 
 from ..agents.guards import find_guard
 from ..bench.config import Bench, override
+from ..bench.plan_set import read_plan_set
 from ..report.outcome import exit_code
 from ..report.terminal import score_rows, show
 from ..results import records
 from ..results.parts import part_rows
-from .cases import Case, Selection, choose_question
+from .cases import Case, RowPlans, Selection, choose_question
 from .progress import ScoreDisplay
 from .rules import Distance
 from .run import ScoreRun, ScoreSettings
@@ -29,6 +30,7 @@ def run_command(
     agent: str,
     out: Path | None,
     ask: str | None,
+    plans: Path | None,
     corruptions: str | None,
     split: str | None,
     limit: int | None,
@@ -62,6 +64,7 @@ def run_command(
         guard=find_guard(guard) if guard else "",
         in_process=in_process,
         agent_memory=agent_memory or 0.0,
+        plans=None if plans is None else RowPlans(planners=read_plan_set(plans).planners),
     )
     run = ScoreRun(settings)
     if dry_run:

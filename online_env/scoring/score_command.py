@@ -19,7 +19,7 @@ from ..choices import NEAR_PIXELS, QUESTIONS, ROW_TIMEOUT_S
 @click.command(
     cls=BriefCommand,
     more=(
-        *("agent_memory", "ask", "batch", "distance", "guard", "in_process", "split"),
+        *("agent_memory", "ask", "batch", "distance", "guard", "in_process", "plans", "split"),
         *("timeout", "workers"),
     ),
 )
@@ -36,6 +36,12 @@ from ..choices import NEAR_PIXELS, QUESTIONS, ROW_TIMEOUT_S
     "--ask",
     type=click.Choice(QUESTIONS),
     help="What is asked; steps, or reminders of an export for onlookers, by default.",
+)
+@click.option(
+    "--plans",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Corrupt the clean rows as a worst.json of hijack search says.",
 )
 @click.option(
     "--corruptions",

@@ -18,7 +18,7 @@ from ..agents.agent_thread import AgentThread
 from ..agents.references import is_user_code, reference_to
 from ..agents.registry import AGENTS, make
 from ..results.reading import ResultRecord
-from .cases import Case, open_feed
+from .cases import Case, RowPlans, open_feed
 from .row_asker import AskSettings, RowAsker
 
 CHUNK = 16  # rows that a thread takes at a time: as many as a row group of a dataset
@@ -37,6 +37,7 @@ class WorkerPool:
         timeout: seconds an agent has for a row.
         notice: called with what a user should know.
         memory: bytes that each agent's process may use; `None` for the default.
+        plans: corruptions that are applied to the rows; `None` for none.
     """
 
     def __init__(
@@ -48,7 +49,9 @@ class WorkerPool:
         timeout: float,
         notice: Listener,
         memory: int | None = None,
+        plans: RowPlans | None = None,
     ) -> None:
+        self._plans = plans
         self._folder = folder
         self._settings = settings
         self._count = count
@@ -95,9 +98,8 @@ class WorkerPool:
     def _work(self) -> None:
         """Put shares of rows to an agent of this thread until none is left."""
         try:
-            asker = RowAsker(
-                self._settings, open_feed(self._folder, self._settings.question), self._start
-            )
+            feed = open_feed(self._folder, self._settings.question, self._plans)
+            asker = RowAsker(self._settings, feed, self._start)
             try:
                 while not self._stopped:
                     try:

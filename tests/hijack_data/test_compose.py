@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import hijack_data as hj
+from hijack_data.config import load_config
 from hijack_data.conformance import picture, reference, scene
 from hijack_data.errors import ParameterError, ParameterTypeError
+from hijack_data.params import Every
 
 SIZE = (360, 640)
 
@@ -120,6 +122,28 @@ def test_p_clean_is_a_probability():
     clean = sum(mostly.plan(screen, seed=1, sample=i).corruption == "clean" for i in range(1000))
     assert 650 < clean < 750
     assert hj.OneOf([hj.Marks()], p_clean=1).plan(screen, seed=1).corruption == "clean"
+
+
+def test_a_trigger_of_each_step_is_drawn_at_most_so_often_in_an_episode():
+    screen = hj.Scene(size=SIZE)
+    every = hj.make_corruption("accidental_touch", step=Every(2))
+    config = {"one_of": {"options": [every.to_config()], "p_clean": 0.5, "max_times": 2}}
+    capped = load_config({"corruptions": [config]}).corruptions["one_of"]
+    free = hj.OneOf([every], p_clean=0.5)
+    assert capped.to_config()["one_of"] == config["one_of"] | {"weights": [1.0]}
+
+    def steps(planner, sample):
+        plans = {k: planner.plan(screen, seed=1, sample=sample, step=k) for k in range(-1, 40)}
+        return [k for k, plan in plans.items() if plan.effects]
+
+    for sample in range(20):
+        assert steps(capped, sample) == steps(free, sample)[:2], "steps without an effect count not"
+    assert len({tuple(steps(capped, sample)) for sample in range(20)}) > 10
+    marks = hj.OneOf([hj.Marks(number=1)], max_times=3)
+    acting = [bool(marks.plan(screen, seed=1, step=k).ops) for k in range(5)]
+    assert acting == [True, True, True, False, False]
+    with pytest.raises(ParameterError, match="OneOf: max_times must be int in"):
+        hj.OneOf([hj.Marks()], max_times=0)
 
 
 def test_weights():

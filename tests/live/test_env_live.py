@@ -1,6 +1,7 @@
 """`CorruptedEnv` on the embedded desktop: all nine are real and proved, nothing tells the agent,
 offline = live."""
 
+import json
 import warnings
 from pathlib import Path
 
@@ -122,6 +123,34 @@ def test_a_visual_and_a_state_corruption_compose(play, stage, tmp_path):
     assert [effect["record"]["probes"][0]["ok"] for effect in record["effects"]] == [True]
     report = rebuild(tmp_path)
     assert (report.problems, report.disturbed) == ([], 3)
+
+
+PAIRS = {
+    "pop_ups+slow_network": ["slow_link"],
+    "app_freeze+missed_input": ["freeze"],
+    "app_minimization+verification": ["lock", "minimise"],
+}
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_a_pair_is_proved_and_undone_each_on_its_own(play, tmp_path, pair):
+    parts = [hj.make_corruption(name) for name in pair.split("+")]
+    env = play(hj.Sequence(parts), "WAIT", "WAIT", CLICK, CLICK, "DONE")
+    record = env.record
+    assert (record["corruption"], record["status"]) == (pair, "ok"), record["problem"]
+    assert [each["record"]["effect"] for each in record["effects"]] == PAIRS[pair]
+    for each in record["effects"]:
+        assert each["record"]["probes"][0]["ok"]
+        assert [undone["ok"] for undone in each["record"]["undone"]] == [True]
+    assert set(record["params"]) == {part.id for part in parts}
+    faults = [entry["probe"]["ok"] for entry in record.get("inputs", ())]
+    assert faults == [True] * any(part.inputs for part in parts)
+    assert rebuild(tmp_path).problems == []
+    (path,) = tmp_path.glob("episodes/*/episode.json")
+    first = record["effects"][0]["record"]
+    first["probes"][0]["ok"] = False
+    path.write_text(json.dumps(record))
+    assert any("was not proved" in problem for problem in rebuild(tmp_path).problems)
 
 
 def assert_proved_and_undone(record, name):

@@ -1,12 +1,21 @@
 """The configuration of a benchmark: what it may say, and every mistake with its place."""
 
+import re
 from pathlib import Path
 
 import pytest
 import yaml
 
 import hijack_data as hj
-from hijack_data.errors import ConfigError, ParameterError, UnknownNameError, shorten_list
+from hijack_data.corruption import corruption_names
+from hijack_data.errors import (
+    ConfigError,
+    HijackError,
+    ParameterError,
+    UnknownNameError,
+    shorten_list,
+)
+from hijack_data.runs.run_planners import read_planners
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
@@ -252,6 +261,23 @@ def test_a_run_whose_applications_are_missing_is_refused_with_the_profile(monkey
         check_installed("embedded", ["write_note", "crop_picture"])
     check_installed("embedded", ["write_note"])
     check_installed("mine", ["crop_picture"])
+
+
+def test_a_pair_is_named_by_its_parts_and_read_back():
+    bench = override(Bench(), corruption="clean,pop_ups+slow_network")
+    pair = bench.planners["pop_ups+slow_network"]
+    assert [part.label for part in pair.parts] == ["pop_ups", "slow_network"]
+    read = read_planners(bench.to_data()["corruptions"])
+    assert read["pop_ups+slow_network"].to_config() == pair.to_config()
+    sets = override(Bench(), corruption="clean,everyday,marks").planners
+    assert list(sets) == ["clean", *corruption_names("everyday"), "marks"]
+    for text, words in {
+        "pop_ups+slow": "--corruptions: no 'slow'",
+        "marks+clean": "--corruptions: no 'clean'",
+        "marks+marks": "--corruptions names 'marks' twice",
+    }.items():
+        with pytest.raises(HijackError, match=re.escape(words)):
+            override(Bench(), corruption=text)
 
 
 def test_corruptions_at_several_severities():

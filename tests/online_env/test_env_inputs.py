@@ -13,6 +13,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 import hijack_data as hj
 from hijack_data.cli import hijack
 from hijack_data.errors import ParameterError
+from hijack_data.params import Every
 from pipelines.proof.rebuild import rebuild
 
 from support.episodes import make, play
@@ -130,6 +131,33 @@ def test_events_of_the_x_server_prove_a_repetition():
     }
 
 
+def test_a_trigger_with_a_cap_is_verified(tmp_path):
+    missed = hj.make_corruption("missed_input", step=Every(1))
+    env, _ = make(corruption=hj.OneOf([missed], p_clean=0.5, max_times=2), log=tmp_path)
+    play(env, *[CLICK] * 12, "DONE")
+    assert len(env.record["inputs"]) == 2
+    assert rebuild(tmp_path).problems == []
+    (path,) = tmp_path.glob("episodes/*/episode.json")
+    text = path.read_text()
+    assert "max_times: 2" in text
+    path.write_text(text.replace("max_times: 2", "max_times: 3"))
+    assert any("plan" in problem for problem in rebuild(tmp_path).problems)
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ([hj.NetworkError(), hj.make_corruption("slow_network")], "no rate can be measured"),
+        ([hj.make_corruption("missed_input")] * 2, "plans 'drop' twice at one step"),
+        ([hj.AccidentalTouch(), hj.AccidentalTouch()], "plans 'touch' twice at one step"),
+    ],
+)
+def test_parts_that_cannot_act_together_are_refused(parts, words):
+    env, _ = make(corruption=hj.Sequence(parts))
+    with pytest.raises(ParameterError, match=words):
+        env.reset(seed=0)
+
+
 def test_an_agent_that_may_run_any_code_is_refused():
     env, _ = make(corruption="missed_input", allow_code=True)
     with pytest.raises(ParameterError, match="allow_code"):
@@ -142,9 +170,13 @@ def test_two_faults_wait_side_by_side():
         hj.make_corruption("missed_input", step=1),
     ]
     env, stage = make(corruption=hj.Sequence(parts))
-    play(env, "WAIT", TYPE, TYPE, "DONE")
-    # the repetition came first; of what is repeated nothing arrives
-    assert sent(env, stage) == ["pyautogui.sleep(0)\npyautogui.sleep(0)", TYPE]
+    play(env, "WAIT", TYPE, TYPE, TYPE, "DONE")
+    # what gets lost uses up no repetition, which waits for the next action
+    assert sent(env, stage) == ["pyautogui.sleep(0)", f"{TYPE}\n{TYPE}", TYPE]
+    assert [[each["input"] for each in entry["faults"]] for entry in env.record["inputs"]] == [
+        ["drop"],
+        ["repeat"],
+    ]
 
 
 def test_a_plugin_of_30_lines_changes_actions_of_its_own_and_passes_every_check():

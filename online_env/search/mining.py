@@ -1,0 +1,146 @@
+"""Group the lost episodes of a run by what they have in common, and write a benchmark for each.
+
+Episodes with the same condition (corruption and severity), cause and application are a group if
+there are two or more; of those left over, the ones with the same corruption and cause; then the
+ones with the same corruption. The rules of `report.causes` find the causes.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import yaml
+
+from hijack_data.cli.terminal import echo
+from hijack_data.config import dump
+from hijack_data.errors import quantity
+from hijack_data.file_io import make_folder, write_atomic
+from hijack_data.plan import CLEAN
+from hijack_data.planner import Planner
+from hijack_data.runs.run_planners import read_planners
+
+from ..bench.config import KEYS
+from ..report.app_success import record_app
+from ..report.causes import LostEpisode, find_lost
+from ..report.model import ReportError
+from ..results import reading
+from ..results.scores import group_records, task_name
+
+MIN_EPISODES = 2  # of a group that is more special than all episodes of a corruption
+GroupKey: TypeAlias = tuple[str, ...]  # agent and corruption, and as far as shared cause, app
+
+
+@dataclass(frozen=True, kw_only=True)
+class LostGroup:
+    """Lost episodes that have something in common.
+
+    Args:
+        key: What it is: agent, corruption or its label, cause and application as far as shared.
+        episodes: The episodes.
+        share: Their share of all lost episodes, 0 to 1.
+    """
+
+    key: GroupKey
+    episodes: Sequence[LostEpisode]
+    share: float
+
+    @property
+    def labels(self) -> list[str]:
+        """The conditions, in the order of the episodes."""
+        return list(dict.fromkeys(lost.record["corruption"] for lost in self.episodes))
+
+    @property
+    def tasks(self) -> list[str]:
+        """The tasks without the seeds of their variants."""
+        records = [lost.record for lost in self.episodes]
+        return list(dict.fromkeys(task_name(r["task"], r.get("task_seed")) for r in records))
+
+    @property
+    def seeds(self) -> list[int]:
+        """The seeds."""
+        return sorted({lost.record["seed"] for lost in self.episodes})
+
+    @property
+    def description(self) -> str:
+        """What the episodes have in common."""
+        agent, *shared = self.key
+        return ", ".join([*filter(None, shared), agent])
+
+
+def group_lost(
+    episodes: Sequence[LostEpisode], planners: Mapping[str, Planner | None]
+) -> list[LostGroup]:
+    """Group lost episodes, the largest group first.
+
+    Args:
+        episodes: The episodes.
+        planners: The conditions of their run, by label.
+    """
+
+    def corruption(lost: LostEpisode) -> str:
+        planner = planners.get(lost.record["corruption"])
+        return lost.record["corruption"] if planner is None else planner.label
+
+    keys: tuple[Callable[[LostEpisode], GroupKey], ...] = (
+        lambda e: (e.record["agent"], e.record["corruption"], e.cause, record_app(e.record)),
+        lambda e: (e.record["agent"], corruption(e), e.cause),
+        lambda e: (e.record["agent"], corruption(e)),
+    )
+    groups: list[LostGroup] = []
+    left = list(episodes)
+    for place, key in enumerate(keys):
+        least = MIN_EPISODES if place < len(keys) - 1 else 1
+        counts = Counter(map(key, left))
+        for shared in [shared for shared, count in counts.items() if count >= least]:
+            members = [lost for lost in left if key(lost) == shared]
+            share = len(members) / len(episodes)
+            groups.append(LostGroup(key=shared, episodes=members, share=share))
+        left = [lost for lost in left if counts[key(lost)] < least]
+    return sorted(groups, key=lambda group: (-len(group.episodes), group.key))
+
+
+def write_groups(folder: Path, out: Path) -> None:
+    """Write a benchmark for each group of lost episodes of a run, and print the groups.
+
+    Raises:
+        ReportError: The run is of `hijack score` or of another harness, or `out` is not empty.
+    """
+    run = reading.read(folder)
+    if not run.is_live:
+        raise ReportError(f"{folder}: holds no live episodes, which causes need (hijack bench)")
+    if out.exists() and any(out.iterdir()):
+        raise ReportError(f"{out}: is not empty; give --out a new folder")
+    planners = read_planners(run.config["corruptions"])
+    counts, episodes = find_lost(run, group_records(run.records))
+    disturbed = sum(count.disturbed for count in counts)
+    echo(f"{quantity(len(episodes), 'episode')} lost of {disturbed} disturbed")
+    groups = group_lost(episodes, planners)
+    make_folder(out)
+    for number, group in enumerate(groups, 1):
+        path = out / f"{number:02d}_{re.sub('[^A-Za-z0-9+]+', '_', group.description)}.yaml"
+        write_atomic(path, _to_yaml(group, run.config, planners))
+        size = f"{len(group.episodes)} ({100 * group.share:.0f} %)"
+        echo(f"{size:>10}  {group.description}: {path}")
+
+
+def _to_yaml(
+    group: LostGroup, config: Mapping[str, Any], planners: Mapping[str, Planner | None]
+) -> str:
+    """Return the configuration of a benchmark that plays the episodes of a group again."""
+    corrupting = {label: planners[label] for label in group.labels}
+    listed = dump({label: one for label, one in corrupting.items() if one is not None})
+    settings = {key: config[key] for key in KEYS if key in config}
+    settings |= {
+        "agents": [group.key[0]],
+        "tasks": group.tasks,
+        "corruptions": [CLEAN, *yaml.safe_load(listed)["corruptions"]],
+        "seeds": group.seeds,
+    }
+    head = (
+        f"# {group.description}\n# {quantity(len(group.episodes), 'episode')},"
+        f" {100 * group.share:.0f} % of those that were disturbed and lost\n"
+    )
+    return head + yaml.safe_dump(settings, sort_keys=False, allow_unicode=True, width=100)

@@ -1,0 +1,72 @@
+"""`hijack mine`: lost episodes are grouped, and each group's benchmark plays them again."""
+
+from typing import Any
+
+import pytest
+
+from support import needs
+
+pytest.importorskip("scipy", reason=needs.ONLINE)
+
+import hijack_data as hj
+from hijack_data.cli import main
+from online_env.bench.config import load_bench
+from online_env.report.causes import LostEpisode
+from online_env.search.mining import group_lost
+
+from support.reported import made, run_of
+
+LOCK = {"effects": [{"step": 0, "record": {"effect": "lock", "probes": [{"ok": True}]}}]}
+PLANNERS = {"clean": None, "locked": hj.Verification(), "marks_s4": hj.Marks.at(4)}
+
+
+def lost(task: str, label: str, cause: str, app: str) -> LostEpisode:
+    record = made("a", task, label, 0.0, apps=[app])
+    return LostEpisode(record=record, cause=cause, turn=None)
+
+
+def test_what_episodes_share_makes_a_group() -> None:
+    episodes = [
+        lost("t0", "locked", "failed", "gimp"),
+        lost("t1", "locked", "failed", "gimp"),
+        lost("t2", "locked", "failed", "thunar"),
+        lost("t3", "locked", "failed", "chrome"),
+        lost("t4", "marks_s4", "out of steps", "gimp"),
+    ]
+    groups = group_lost(episodes, PLANNERS)
+    assert [(group.key, group.tasks, group.share) for group in groups] == [
+        (("a", "locked", "failed", "gimp"), ["t0", "t1"], 0.4),
+        (("a", "verification", "failed"), ["t2", "t3"], 0.4),
+        (("a", "marks"), ["t4"], 0.2),
+    ]
+
+
+def test_a_run_becomes_benchmarks(tmp_path: Any, capsys: Any) -> None:
+    records = []
+    for task, app in (("write_note", "mousepad"), ("rename_file", "thunar")):
+        fields = {"apps": [app], "ended": "agent"}
+        records += [
+            made("oracle", task, "clean", 1.0, seed=3, **fields),
+            made("oracle", task, "locked", 0.0, seed=3, **fields, **LOCK),
+            made("oracle", task, "marks_s4", 1.0, seed=3, **fields),
+        ]
+    corruptions = ["clean", {"verification": {"as": "locked"}}, {"marks": {"as": "marks_s4"}}]
+    run = run_of(tmp_path / "run", records, corruptions=corruptions, max_steps=30)
+    main_code = main_exit(["mine", str(run), "-o", str(tmp_path / "lost")])
+    assert main_code == 0
+    assert "2 episodes lost of 2 disturbed" in capsys.readouterr().out
+    (file,) = (tmp_path / "lost").iterdir()
+    text = file.read_text()
+    assert text.startswith("# verification, ")
+    assert "100 % of those" in text
+    bench = load_bench(file)
+    assert (bench.agents, bench.seeds, bench.max_steps) == (("oracle",), (3,), 30)
+    assert set(bench.tasks) == {"write_note", "rename_file"}
+    assert bench.planners == {"clean": None, "locked": hj.Verification()}
+    assert main_exit(["mine", str(run), "-o", str(tmp_path / "lost")]) == 2
+
+
+def main_exit(words: list[str]) -> Any:
+    with pytest.raises(SystemExit) as end:
+        main(words)
+    return end.value.code
