@@ -1,6 +1,6 @@
 """Write what verl reads: the rows of the training tasks, and an agent file that names the servers.
 
-python examples/cluster/prepare.py SERVER,SERVER... OUT
+python examples/cluster/prepare.py SERVER,SERVER... OUT [suite|osworld]
 """
 
 import sys
@@ -16,16 +16,18 @@ HOW = (
     " pyautogui.click(300, 200), in pixels of the screenshot; with WAIT; with DONE when the task is"
     " done; or with FAIL if it cannot be done."
 )
+SIZES = {"suite": [720, 1280], "osworld": [1080, 1920]}  # of the servers' screens
 TEMPLATE = Path(__file__).parents[2] / "configs" / "train" / "verl_served.yaml"
 
 
 def main() -> None:
     """Write the three files."""
     servers, out = sys.argv[1].split(","), Path(sys.argv[2])
+    family = sys.argv[3] if len(sys.argv) > 3 else "suite"
     loops = yaml.safe_load(TEMPLATE.read_text())
-    loops[0]["environment_args"]["addresses"] = servers
+    loops[0]["environment_args"] = {"addresses": servers, "size": SIZES[family]}
     (out / "agent.yaml").write_text(yaml.safe_dump(loops, sort_keys=False))
-    training, held_out = members("suite/training"), members("suite/held_out")
+    training, held_out = members(f"{family}/training"), members(f"{family}/held_out")
     count = write_rows(out / "train.parquet", training, HOW, evaluation=held_out)
     write_evaluation_rows(out / "val.parquet", held_out, HOW, corruption="clean")
     print(f"{out}: {count} training tasks, {len(held_out)} held out, {len(servers)} servers")

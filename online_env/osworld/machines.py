@@ -5,15 +5,17 @@
 
 import contextlib
 import os
+import shutil
 import subprocess
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
-from hijack_data.errors import ParameterError, UnknownNameError, suggest
+from hijack_data.errors import HijackWarning, ParameterError, UnknownNameError, suggest
 from hijack_data.types import Size
 
 from ..desktops.http import HttpDesktop
@@ -26,6 +28,17 @@ from .env import Address, OsworldEnv, OSWorldSettings
 PROVIDERS = ("docker", "vmware", "virtualbox", "aws", "azure", "daytona")
 FOLDER = venv.DEFAULT.parent / "osworld-machines"
 LOG = "osworld.log"
+PROGRAMS = {"vmware": "vmrun", "virtualbox": "VBoxManage"}  # which OSWorld calls by name
+# What a provider needs beside its packages.
+NEEDS: Mapping[str, str] = {
+    "docker": "a Docker daemon that answers this user (docker info)",
+    "vmware": "VMware Workstation, with vmrun on the PATH",
+    "virtualbox": "VirtualBox, with VBoxManage on the PATH",
+    "aws": "AWS_REGION, AWS_SUBNET_ID and AWS_SECURITY_GROUP_ID of an account, and its keys",
+    "azure": "AZURE_SUBSCRIPTION_ID of an account, and a login (az login)",
+    "daytona": "a checkout of OSWorld that has this provider (--osworld DIR)",
+}
+KVM = Path("/dev/kvm")
 PASSWORDS = {"aws": "osworld-public-evaluation"}  # of OSWorld's images; elsewhere "password"
 ANSWER_TIMEOUT_S = 300.0  # for a machine to answer after its reset
 FIRST_ANSWER_TIMEOUT_S = 30.0  # for a machine that runs already
@@ -113,6 +126,11 @@ def check(settings: MachineSettings, episodes: int, folder: Path = venv.DEFAULT)
                 f"--vm {name}: no such provider{suggest(name, PROVIDERS)}; known are"
                 f" {', '.join(PROVIDERS)}, and addresses such as http://10.0.0.5:5000"
             )
+    if "azure" in providers and "path_to_vm" not in settings.options:
+        raise ParameterError(
+            "--vm azure: OSWorld's provider makes no machine there; name yours by --vm-option"
+            " path_to_vm=RESOURCE_GROUP/MACHINE"
+        )
     if providers:
         _check_providers(providers, folder)
     for name in addresses:
@@ -125,12 +143,28 @@ def _check_providers(names: list[str], folder: Path) -> None:
         env = OsworldEnv(venv.find_python(folder), None, settings, Path(scratch, LOG))
         with contextlib.closing(env):
             for name in names:
-                problem = env.check_provider(name)
+                problem = _missing_program(name) or env.check_provider(name)
                 if problem:
                     raise MissingPackageError(
-                        f"--vm {name} can't be used here: {problem}; packages come with: hijack"
-                        f" osworld setup --provider {name}, the rest is in docs/osworld_vm.md"
+                        f"--vm {name} can't be used here: {problem}. It needs {NEEDS[name]}; its"
+                        f" packages come with: hijack osworld setup --provider {name}"
                     )
+    if "docker" in names and not KVM.exists():
+        warnings.warn(
+            f"--vm docker: {KVM} is not there, so OSWorld's machine is emulated; its provider"
+            " waits 300 s for the screen, which that may take",
+            HijackWarning,
+            stacklevel=2,
+        )
+
+
+def _missing_program(name: str) -> str:
+    """Return which program a provider lacks; "" if none.
+
+    OSWorld's providers call it again and again until it succeeds.
+    """
+    program = PROGRAMS.get(name)
+    return f"{program} is not on the PATH" if program and not shutil.which(program) else ""
 
 
 def read_address(text: str) -> Address:

@@ -65,6 +65,8 @@ class Worker:
         }
         if settings.get("provider"):
             arguments |= {"provider_name": settings["provider"], **settings["options"]}
+            if settings["provider"] == "aws":
+                _set_image(arguments)
             self.env = module.DesktopEnv(**arguments)
             self.owns_machine = True
             self.used = self.env.is_environment_used
@@ -141,6 +143,18 @@ class Worker:
         # Only code can change the machine, and a revert takes a provider up to minutes.
         self.used = self.used or method == "execute_python_command"
         return _portable(getattr(self.env.controller, method)(*arguments))
+
+
+def _set_image(arguments: Message) -> None:
+    """Name Amazon's image of OSWorld's machine as the snapshot that a revert starts from.
+
+    `DesktopEnv` itself would ask Amazon for an image called "init_state".
+    """
+    images = importlib.import_module(f"{PROVIDERS}.aws.manager").IMAGE_ID_MAP
+    region = arguments.setdefault("region", os.environ["AWS_REGION"])
+    image = images.get(region, {}).get(arguments["screen_size"])
+    if image:  # else the provider names the regions and sizes that there are
+        arguments.setdefault("snapshot_name", image)
 
 
 def _portable(value: Any) -> Any:
