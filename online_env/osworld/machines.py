@@ -4,6 +4,7 @@
 """
 
 import contextlib
+import json
 import os
 import shutil
 import subprocess
@@ -23,7 +24,7 @@ from ..desktops.osworld import OsworldDesktop
 from ..errors import DesktopError, DesktopTimeoutError, MissingPackageError
 from ..tasks.machines import MachineSettings, is_address
 from . import venv
-from .env import Address, OsworldEnv, OSWorldSettings
+from .env import PROXIES, Address, OsworldEnv, OSWorldSettings
 
 PROVIDERS = ("docker", "vmware", "virtualbox", "aws", "azure", "daytona")
 FOLDER = venv.DEFAULT.parent / "osworld-machines"
@@ -53,6 +54,7 @@ OPTIONS: Mapping[str, type] = {
     "client_password": str,
     "enable_proxy": bool,
 }
+ANYWHERE = ("client_password", "enable_proxy")  # those that need no provider
 PORTS = {"chromium": "chromium_port", "vnc": "vnc_port", "vlc": "vlc_port"}
 NO_RESET = (
     "nothing makes this machine pristine between two episodes: the set-up of a task, the agent's"
@@ -104,6 +106,9 @@ def check(settings: MachineSettings, episodes: int, folder: Path = venv.DEFAULT)
         raise ParameterError("--vm http://HOST:PORT or --vm PROVIDER: say which machines to use")
     for name in addresses:
         read_address(name)
+    others = sorted(settings.options.keys() - set(ANYWHERE))
+    if others and not providers:
+        raise ParameterError(f"--vm-option {others[0]} is for providers, not for addresses")
     if len(set(settings.vm)) < len(settings.vm):
         raise ParameterError(f"--vm names a machine twice: {', '.join(settings.vm)}")
     if settings.count > 1 and not providers:
@@ -120,6 +125,8 @@ def check(settings: MachineSettings, episodes: int, folder: Path = venv.DEFAULT)
         raise ParameterError("--reset-command is for --vm http://..., providers revert themselves")
     if episodes > 1 and addresses and not settings.reset_command:
         raise ParameterError(f"--vm {addresses[0]}: {NO_RESET}")
+    if settings.options.get("enable_proxy"):
+        _check_proxies()
     for name in providers:
         if name not in PROVIDERS:
             raise UnknownNameError(
@@ -137,18 +144,43 @@ def check(settings: MachineSettings, episodes: int, folder: Path = venv.DEFAULT)
         _wait_for_guest(name, FIRST_ANSWER_TIMEOUT_S)
 
 
+def _check_proxies() -> None:
+    """Check that OSWorld's file of proxies has one.
+
+    Raises:
+        ParameterError: It has not.
+    """
+    place = os.environ.get(PROXIES, "")
+    form = '[{"host": ..., "port": ..., "username": ..., "password": ...}]'
+    try:
+        proxies = json.loads(Path(place).read_text(encoding="utf-8"))
+        has_proxy = bool(proxies) and all(proxy["host"] and proxy["port"] for proxy in proxies)
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        problem = f"{place or 'no file'}: {type(error).__name__}: {error}"
+    else:
+        if has_proxy:
+            return
+        problem = f"{place}: no proxy"
+    raise ParameterError(
+        f"--vm-option enable_proxy=true: the variable {PROXIES} names the JSON file of your"
+        f" proxies, {form} ({problem})"
+    )
+
+
 def _check_providers(names: list[str], folder: Path) -> None:
+    for name in names:
+        program = PROGRAMS.get(name)
+        # OSWorld's providers would call it again and again until it succeeds.
+        if program and not shutil.which(program):
+            raise _provider_error(name, f"{program} is not on the PATH")
     with tempfile.TemporaryDirectory() as scratch:
         settings = OSWorldSettings(Path(scratch, "cache"))
         env = OsworldEnv(venv.find_python(folder), None, settings, Path(scratch, LOG))
         with contextlib.closing(env):
             for name in names:
-                problem = _missing_program(name) or env.check_provider(name)
+                problem = env.check_provider(name)
                 if problem:
-                    raise MissingPackageError(
-                        f"--vm {name} can't be used here: {problem}. It needs {NEEDS[name]}; its"
-                        f" packages come with: hijack osworld setup --provider {name}"
-                    )
+                    raise _provider_error(name, problem)
     if "docker" in names and not KVM.exists():
         warnings.warn(
             f"--vm docker: {KVM} is not there, so OSWorld's machine is emulated; its provider"
@@ -158,13 +190,11 @@ def _check_providers(names: list[str], folder: Path) -> None:
         )
 
 
-def _missing_program(name: str) -> str:
-    """Return which program a provider lacks; "" if none.
-
-    OSWorld's providers call it again and again until it succeeds.
-    """
-    program = PROGRAMS.get(name)
-    return f"{program} is not on the PATH" if program and not shutil.which(program) else ""
+def _provider_error(name: str, problem: str) -> MissingPackageError:
+    return MissingPackageError(
+        f"--vm {name} can't be used here: {problem.rstrip('.')}. It needs {NEEDS[name]}; its packages come"
+        f" with: hijack osworld setup --provider {name}"
+    )
 
 
 def read_address(text: str) -> Address:
@@ -275,7 +305,7 @@ def machine(
         fresh: Callable[[], Address] | None = None
         if is_address(name):
             fresh = ResetByCommand(name, settings.reset_command)
-            made = OSWorldSettings(cache, (width, height), password=password)
+            made = OSWorldSettings(cache, (width, height), password=password, options=options)
             _wait_for_guest(name, FIRST_ANSWER_TIMEOUT_S)
         else:
             made = OSWorldSettings(

@@ -209,6 +209,8 @@ def test_a_run_without_a_machine_left_says_why(osworld, tmp_path) -> None:
             "names one machine",
         ),
         (["--vm", "http://127.0.0.1:9", "--machines", "2"], "repeat --vm"),
+        (["--vm", "http://127.0.0.1:9", "--vm-option", "region=x"], "is for providers, not for"),
+        (["--vm", "vmware", "--vm-option", "enable_proxy=true"], "PROXY_CONFIG_FILE names the JSON"),
         (["--vm", "azure"], "name yours by --vm-option path_to_vm=RESOURCE_GROUP/MACHINE"),
         (["--reset-command", "x"], "osworld needs --vm"),
     ],
@@ -234,7 +236,7 @@ def test_a_dry_run_refuses_what_the_run_would(
 @pytest.mark.parametrize(
     ("name", "problem", "remedy"),
     [
-        ("docker", "No module named 'docker'|DockerException", "a Docker daemon that answers"),
+        ("docker", "No module named '(docker|tqdm)'|DockerException", "a Docker daemon that answers"),
         ("vmware", "vmrun is not on the PATH", "VMware Workstation, with vmrun"),
         ("virtualbox", "VBoxManage is not on the PATH", "VirtualBox, with VBoxManage"),
         ("aws", "No module named 'boto3'|AWS_REGION must be set", "AWS_SUBNET_ID"),
@@ -272,6 +274,24 @@ def test_amazons_image_is_the_snapshot_of_a_revert(monkeypatch: pytest.MonkeyPat
     elsewhere = {**screen, "region": "eu-north-1"}
     worker._set_image(elsewhere)
     assert "snapshot_name" not in elsewhere
+
+
+def test_a_task_behind_a_proxy_is_set_up_with_one(osworld, tmp_path, monkeypatch) -> None:
+    """OSWorld's set-up takes the proxy of the file and configures it in the guest."""
+    proxies = tmp_path / "proxies.json"
+    proxies.write_text('[{"host": "proxy.test", "port": 3128, "username": "u", "password": "p"}]')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PROXY_CONFIG_FILE", proxies.name)
+    with fake_guests(tmp_path, None) as (guest,):
+        vm = (f"http://{guest.address}",)
+        settings = MachineSettings(vm=vm, options={"enable_proxy": True}, reset_command=REVERT)
+        machines.check(settings, 2, osworld)
+        with machines.machine((SIZE[1], SIZE[0]), settings, osworld) as desktop:
+            task = task_file(tmp_path, "t-proxy", proxy=True)
+            desktop.env.reset(json.loads(task.read_text()))
+            log = Path(desktop.env._log).read_text()
+    assert "Loaded 1 proxies" in log
+    assert "Setting up proxy: proxy.test:3128" in log
 
 
 def test_tasks_that_cannot_be_played_are_listed_and_counted(osworld, tmp_path) -> None:
