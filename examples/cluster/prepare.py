@@ -1,6 +1,8 @@
 """Write what verl reads: the rows of the training tasks, and an agent file that names the servers.
 
-python examples/cluster/prepare.py SERVER,SERVER... OUT [suite|osworld]
+python examples/cluster/prepare.py SERVER,SERVER... OUT [TASKS.txt]
+
+The tasks are the suite's, or those that `hijack serve osworld ... --dry-run` has listed in a file.
 """
 
 import sys
@@ -16,18 +18,22 @@ HOW = (
     " pyautogui.click(300, 200), in pixels of the screenshot; with WAIT; with DONE when the task is"
     " done; or with FAIL if it cannot be done."
 )
-SIZES = {"suite": [720, 1280], "osworld": [1080, 1920]}  # of the servers' screens
+OSWORLD_SIZE = [1080, 1920]  # of the machines' screens
 TEMPLATE = Path(__file__).parents[2] / "configs" / "train" / "verl_served.yaml"
 
 
 def main() -> None:
     """Write the three files."""
     servers, out = sys.argv[1].split(","), Path(sys.argv[2])
-    family = sys.argv[3] if len(sys.argv) > 3 else "suite"
     loops = yaml.safe_load(TEMPLATE.read_text())
-    loops[0]["environment_args"] = {"addresses": servers, "size": SIZES[family]}
+    settings = loops[0]["environment_args"]
+    settings["addresses"] = servers
+    training, held_out = members("suite/training"), members("suite/held_out")
+    if len(sys.argv) > 3:
+        settings["size"] = OSWORLD_SIZE
+        training = Path(sys.argv[3]).read_text().split()
+        held_out = members("osworld/held_out")
     (out / "agent.yaml").write_text(yaml.safe_dump(loops, sort_keys=False))
-    training, held_out = members(f"{family}/training"), members(f"{family}/held_out")
     count = write_rows(out / "train.parquet", training, HOW, evaluation=held_out)
     write_evaluation_rows(out / "val.parquet", held_out, HOW, corruption="clean")
     print(f"{out}: {count} training tasks, {len(held_out)} held out, {len(servers)} servers")

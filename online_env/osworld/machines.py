@@ -192,8 +192,8 @@ def _check_providers(names: list[str], folder: Path) -> None:
 
 def _provider_error(name: str, problem: str) -> MissingPackageError:
     return MissingPackageError(
-        f"--vm {name} can't be used here: {problem.rstrip('.')}. It needs {NEEDS[name]}; its packages come"
-        f" with: hijack osworld setup --provider {name}"
+        f"--vm {name} can't be used here: {problem.rstrip('.')}. It needs {NEEDS[name]};"
+        f" its packages come with: hijack osworld setup --provider {name}"
     )
 
 

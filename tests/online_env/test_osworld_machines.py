@@ -210,7 +210,10 @@ def test_a_run_without_a_machine_left_says_why(osworld, tmp_path) -> None:
         ),
         (["--vm", "http://127.0.0.1:9", "--machines", "2"], "repeat --vm"),
         (["--vm", "http://127.0.0.1:9", "--vm-option", "region=x"], "is for providers, not for"),
-        (["--vm", "vmware", "--vm-option", "enable_proxy=true"], "PROXY_CONFIG_FILE names the JSON"),
+        (
+            ["--vm", "vmware", "--vm-option", "enable_proxy=true"],
+            "PROXY_CONFIG_FILE names the JSON",
+        ),
         (["--vm", "azure"], "name yours by --vm-option path_to_vm=RESOURCE_GROUP/MACHINE"),
         (["--reset-command", "x"], "osworld needs --vm"),
     ],
@@ -236,7 +239,11 @@ def test_a_dry_run_refuses_what_the_run_would(
 @pytest.mark.parametrize(
     ("name", "problem", "remedy"),
     [
-        ("docker", "No module named '(docker|tqdm)'|DockerException", "a Docker daemon that answers"),
+        (
+            "docker",
+            "No module named '(docker|tqdm)'|DockerException",
+            "a Docker daemon that answers",
+        ),
         ("vmware", "vmrun is not on the PATH", "VMware Workstation, with vmrun"),
         ("virtualbox", "VBoxManage is not on the PATH", "VirtualBox, with VBoxManage"),
         ("aws", "No module named 'boto3'|AWS_REGION must be set", "AWS_SUBNET_ID"),
