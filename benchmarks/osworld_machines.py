@@ -1,4 +1,4 @@
-"""The time of episodes on machines behind HTTP, and the hours of 3,690 of them.
+"""Outcomes and times of episodes on machines behind HTTP, and the hours of 3,690 of them.
 
 cd tests && ../.venv/bin/python -m support.osworld_machine   # a machine; it prints address and reset command
 hijack bench osworld --vm ADDRESS --reset-command COMMAND --tasks FILES --out RUN
@@ -11,6 +11,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
+from hijack_data.plan import CLEAN
 from online_env.osworld.stage import LATE_FILES_S
 from online_env.results.records import read
 
@@ -53,6 +54,16 @@ def main(folders: Sequence[str]) -> None:
         )
     if short:
         print(f"all of a shorter episode but its set-up, s: {median(short):.1f}")
+    print("condition: episodes, solved, with effects that were proved")
+    for label in dict.fromkeys(record["corruption"] for record in scored):
+        cell = [record for record in scored if record["corruption"] == label]
+        solved = sum(record["score"] == 1 for record in cell)
+        proved = sum(bool(record["effects"]) for record in cell)  # a failed probe is not "ok"
+        print(f"{label}: {len(cell)}, {solved}, {proved}")
+    for record in records:
+        if record["status"] != "ok" or (record["corruption"] == CLEAN and record["score"] != 1):
+            reason = record["problem"] or record["said"] or record["reason"]
+            print(f"{record['task'][:8]} {record['corruption']} {record['status']}: {reason}")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,8 @@
 """Write what verl reads: the rows of the training tasks, and an agent file that names the servers.
 
-python examples/cluster/prepare.py SERVER,SERVER... OUT
+python examples/cluster/prepare.py SERVER,SERVER... OUT [TASKS.txt]
+
+The tasks are the suite's, or those that `hijack serve osworld ... --dry-run` has listed in a file.
 """
 
 import sys
@@ -16,6 +18,7 @@ HOW = (
     " pyautogui.click(300, 200), in pixels of the screenshot; with WAIT; with DONE when the task is"
     " done; or with FAIL if it cannot be done."
 )
+OSWORLD_SIZE = [1080, 1920]  # of the machines' screens
 TEMPLATE = Path(__file__).parents[2] / "configs" / "train" / "verl_served.yaml"
 
 
@@ -23,9 +26,14 @@ def main() -> None:
     """Write the three files."""
     servers, out = sys.argv[1].split(","), Path(sys.argv[2])
     loops = yaml.safe_load(TEMPLATE.read_text())
-    loops[0]["environment_args"]["addresses"] = servers
-    (out / "agent.yaml").write_text(yaml.safe_dump(loops, sort_keys=False))
+    settings = loops[0]["environment_args"]
+    settings["addresses"] = servers
     training, held_out = members("suite/training"), members("suite/held_out")
+    if len(sys.argv) > 3:
+        settings["size"] = OSWORLD_SIZE
+        training = Path(sys.argv[3]).read_text().split()
+        held_out = members("osworld/held_out")
+    (out / "agent.yaml").write_text(yaml.safe_dump(loops, sort_keys=False))
     count = write_rows(out / "train.parquet", training, HOW, evaluation=held_out)
     write_evaluation_rows(out / "val.parquet", held_out, HOW, corruption="clean")
     print(f"{out}: {count} training tasks, {len(held_out)} held out, {len(servers)} servers")

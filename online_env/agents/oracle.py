@@ -229,6 +229,7 @@ class Recovering(Oracle):
         command = task.initial_app(machine)
         start = machine.command_line(*command) if command else ""
         hand = CarefulHand(desktop, task.apps, start)
+        hand.check_first_screen()
         for tries_left in reversed(range(self.TRIES)):
             try:
                 task.oracle(hand)

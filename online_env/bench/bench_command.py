@@ -34,6 +34,7 @@ from .machine_options import MORE, machine_options
         "guard",
         "in_process",
         "max_cost",
+        "max_steps",
         "plans",
         "prompts",
         "ray_address",
@@ -77,6 +78,12 @@ from .machine_options import MORE, machine_options
     help="Seeds 0 to N-1, instead of CONFIG's.",
 )
 @desktops_option
+@click.option(
+    "--max-steps",
+    type=click.IntRange(1, 1000),
+    metavar="N",
+    help="Actions until an episode is cut off, instead of CONFIG's.",
+)
 @click.option(
     "--recovery",
     type=click.Choice(POLICIES),

@@ -331,6 +331,7 @@ def override(
     osworld_files: str | None = None,
     recovery: Recovery | None = None,
     environment_errors: ErrorOrder | None = None,
+    max_steps: int | None = None,
 ) -> Bench:
     """Return the benchmark with the values of the command line.
 
@@ -343,6 +344,7 @@ def override(
         osworld_files: OSWorld's file cache.
         recovery: the recovery policy.
         environment_errors: when the network is cut that is down from the beginning.
+        max_steps: actions until an episode is cut off.
 
     Raises:
         UnknownNameError: There is no such name; the message has the closest one.
@@ -355,6 +357,8 @@ def override(
         bench = replace(bench, recovery=recovery)
     if environment_errors is not None:
         bench = replace(bench, environment_errors=environment_errors)
+    if max_steps is not None:
+        bench = replace(bench, max_steps=max_steps)
     if agent is not None:
         bench = replace(bench, agents=_registered_names("--agent", agent, AGENTS))
     if task is not None:

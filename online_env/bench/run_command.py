@@ -56,6 +56,7 @@ def run_command(
     severities: str | None,
     seeds: int | None,
     desktops: int | None,
+    max_steps: int | None,
     recovery: Recovery | None,
     environment_errors: ErrorOrder | None,
     osworld_files: str | None,
@@ -94,6 +95,7 @@ def run_command(
         osworld_files,
         recovery,
         environment_errors,
+        max_steps,
     )
     benchmark = replace(
         at_severities(benchmark, severities),

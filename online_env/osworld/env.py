@@ -43,6 +43,7 @@ TIMEOUTS_S = {
 }
 # A provider may first download its machine's image, about 12 to 20 GB.
 START_MACHINE_S = 3 * 3600.0
+PROXIES = "PROXY_CONFIG_FILE"  # names the JSON file of OSWorld's proxies
 LOG_TAIL_BYTES = 2000
 
 
@@ -70,7 +71,7 @@ class OSWorldSettings:
         password: The password of the guest's user.
         provider: One of OSWorld's own providers, which starts, reverts and ends the machine; empty
             if the machine runs already.
-        options: More arguments of `DesktopEnv`, for a provider.
+        options: More arguments of `DesktopEnv`.
         folder: The working directory, where OSWorld's providers keep images and the list of their
             machines; `cache` by default.
     """
@@ -142,6 +143,8 @@ class OsworldEnv:
         environment = dict(os.environ)
         for name in ("PYTHONPATH", "PYTHONHOME"):
             environment.pop(name, None)
+        if PROXIES in environment:
+            environment[PROXIES] = os.path.abspath(environment[PROXIES])
         folder = settings.folder or settings.cache
         for place in (settings.cache, folder):
             place.mkdir(parents=True, exist_ok=True)

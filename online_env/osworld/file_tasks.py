@@ -38,6 +38,10 @@ from .tasks import OsworldTask, load_file
 
 # In the guest: a file that says that an episode has used the machine. It outlives a restart.
 EPISODE_MARK = "/var/tmp/agenthijack-episode"
+# Of the embedded desktop, for which the scripts are written.
+RUN_DIALOG = "Application Finder"
+TERMINAL = "xfce4-terminal"
+TERMINAL_TITLE = "Terminal"
 MARK_EPISODE = 'if [ -e "$1" ]; then echo used; else touch "$1" && echo marked; fi'
 
 
@@ -82,7 +86,7 @@ class OsworldFileTask(Task):
         raise DesktopError(f"task {self.name} is judged by OSWorld's evaluator, not by files")
 
     def oracle(self, hand: Hand) -> None:
-        """Play the script of the self-test, if it uses windows, or find the task infeasible.
+        """Play the script of the self-test, or find the task infeasible.
 
         Raises:
             DesktopError: There is no such script.
@@ -90,9 +94,9 @@ class OsworldFileTask(Task):
         if self.infeasible:
             hand.give_up("OSWorld says that this cannot be done")
         solution = SOLUTIONS.get(self.name)
-        if solution is None or solution.how != "windows":
-            raise DesktopError(f"no script solves OSWorld's task {self.name} through windows")
-        solution.play(Player(_OracleEnv(hand)))
+        if solution is None:
+            raise DesktopError(f"no script solves OSWorld's task {self.name}")
+        solution.play(_TerminalPlayer(_OracleEnv(hand)))
 
 
 class _OracleEnv:
@@ -114,6 +118,24 @@ class _OracleEnv:
     def get_accessibility_tree(self) -> str:
         """Return the tree as it is now."""
         return self._hand.tree()
+
+
+class _TerminalPlayer(Player):
+    """Plays a script by pointer and keyboard alone: its commands are typed into a terminal."""
+
+    _has_terminal = False
+
+    def shell(self, command: str) -> None:
+        """Type a shell command into a terminal, which is opened first if there is none."""
+        if not self._has_terminal:
+            self.press("alt", "f2")
+            self.find(RUN_DIALOG, "frame")
+            # The dialog takes a text over a moment after it was typed.
+            self.do(f"pyautogui.write({TERMINAL!r})", pause=1.0)
+            self.press("enter")
+            self.find(TERMINAL_TITLE, "frame")
+            self._has_terminal = True
+        self.do(f"pyautogui.write({command + chr(10)!r})", pause=1.0)
 
 
 def task_class(path: str) -> type[OsworldFileTask]:

@@ -4,16 +4,19 @@
 """
 
 import contextlib
+import json
 import os
+import shutil
 import subprocess
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Generator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
-from hijack_data.errors import ParameterError, UnknownNameError, suggest
+from hijack_data.errors import HijackWarning, ParameterError, UnknownNameError, suggest
 from hijack_data.types import Size
 
 from ..desktops.http import HttpDesktop
@@ -21,11 +24,22 @@ from ..desktops.osworld import OsworldDesktop
 from ..errors import DesktopError, DesktopTimeoutError, MissingPackageError
 from ..tasks.machines import MachineSettings, is_address
 from . import venv
-from .env import Address, OsworldEnv, OSWorldSettings
+from .env import PROXIES, Address, OsworldEnv, OSWorldSettings
 
 PROVIDERS = ("docker", "vmware", "virtualbox", "aws", "azure", "daytona")
 FOLDER = venv.DEFAULT.parent / "osworld-machines"
 LOG = "osworld.log"
+PROGRAMS = {"vmware": "vmrun", "virtualbox": "VBoxManage"}  # which OSWorld calls by name
+# What a provider needs beside its packages.
+NEEDS: Mapping[str, str] = {
+    "docker": "a Docker daemon that answers this user (docker info)",
+    "vmware": "VMware Workstation, with vmrun on the PATH",
+    "virtualbox": "VirtualBox, with VBoxManage on the PATH",
+    "aws": "AWS_REGION, AWS_SUBNET_ID and AWS_SECURITY_GROUP_ID of an account, and its keys",
+    "azure": "AZURE_SUBSCRIPTION_ID of an account, and a login (az login)",
+    "daytona": "a checkout of OSWorld that has this provider (--osworld DIR)",
+}
+KVM = Path("/dev/kvm")
 PASSWORDS = {"aws": "osworld-public-evaluation"}  # of OSWorld's images; elsewhere "password"
 ANSWER_TIMEOUT_S = 300.0  # for a machine to answer after its reset
 FIRST_ANSWER_TIMEOUT_S = 30.0  # for a machine that runs already
@@ -40,6 +54,7 @@ OPTIONS: Mapping[str, type] = {
     "client_password": str,
     "enable_proxy": bool,
 }
+ANYWHERE = ("client_password", "enable_proxy")  # those that need no provider
 PORTS = {"chromium": "chromium_port", "vnc": "vnc_port", "vlc": "vlc_port"}
 NO_RESET = (
     "nothing makes this machine pristine between two episodes: the set-up of a task, the agent's"
@@ -91,6 +106,9 @@ def check(settings: MachineSettings, episodes: int, folder: Path = venv.DEFAULT)
         raise ParameterError("--vm http://HOST:PORT or --vm PROVIDER: say which machines to use")
     for name in addresses:
         read_address(name)
+    others = sorted(settings.options.keys() - set(ANYWHERE))
+    if others and not providers:
+        raise ParameterError(f"--vm-option {others[0]} is for providers, not for addresses")
     if len(set(settings.vm)) < len(settings.vm):
         raise ParameterError(f"--vm names a machine twice: {', '.join(settings.vm)}")
     if settings.count > 1 and not providers:
@@ -107,19 +125,54 @@ def check(settings: MachineSettings, episodes: int, folder: Path = venv.DEFAULT)
         raise ParameterError("--reset-command is for --vm http://..., providers revert themselves")
     if episodes > 1 and addresses and not settings.reset_command:
         raise ParameterError(f"--vm {addresses[0]}: {NO_RESET}")
+    if settings.options.get("enable_proxy"):
+        _check_proxies()
     for name in providers:
         if name not in PROVIDERS:
             raise UnknownNameError(
                 f"--vm {name}: no such provider{suggest(name, PROVIDERS)}; known are"
                 f" {', '.join(PROVIDERS)}, and addresses such as http://10.0.0.5:5000"
             )
+    if "azure" in providers and "path_to_vm" not in settings.options:
+        raise ParameterError(
+            "--vm azure: OSWorld's provider makes no machine there; name yours by --vm-option"
+            " path_to_vm=RESOURCE_GROUP/MACHINE"
+        )
     if providers:
         _check_providers(providers, folder)
     for name in addresses:
         _wait_for_guest(name, FIRST_ANSWER_TIMEOUT_S)
 
 
+def _check_proxies() -> None:
+    """Check that OSWorld's file of proxies has one.
+
+    Raises:
+        ParameterError: It has not.
+    """
+    place = os.environ.get(PROXIES, "")
+    form = '[{"host": ..., "port": ..., "username": ..., "password": ...}]'
+    try:
+        proxies = json.loads(Path(place).read_text(encoding="utf-8"))
+        has_proxy = bool(proxies) and all(proxy["host"] and proxy["port"] for proxy in proxies)
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        problem = f"{place or 'no file'}: {type(error).__name__}: {error}"
+    else:
+        if has_proxy:
+            return
+        problem = f"{place}: no proxy"
+    raise ParameterError(
+        f"--vm-option enable_proxy=true: the variable {PROXIES} names the JSON file of your"
+        f" proxies, {form} ({problem})"
+    )
+
+
 def _check_providers(names: list[str], folder: Path) -> None:
+    for name in names:
+        program = PROGRAMS.get(name)
+        # OSWorld's providers would call it again and again until it succeeds.
+        if program and not shutil.which(program):
+            raise _provider_error(name, f"{program} is not on the PATH")
     with tempfile.TemporaryDirectory() as scratch:
         settings = OSWorldSettings(Path(scratch, "cache"))
         env = OsworldEnv(venv.find_python(folder), None, settings, Path(scratch, LOG))
@@ -127,10 +180,21 @@ def _check_providers(names: list[str], folder: Path) -> None:
             for name in names:
                 problem = env.check_provider(name)
                 if problem:
-                    raise MissingPackageError(
-                        f"--vm {name} can't be used here: {problem}; packages come with: hijack"
-                        f" osworld setup --provider {name}, the rest is in docs/osworld_vm.md"
-                    )
+                    raise _provider_error(name, problem)
+    if "docker" in names and not KVM.exists():
+        warnings.warn(
+            f"--vm docker: {KVM} is not there, so OSWorld's machine is emulated; its provider"
+            " waits 300 s for the screen, which that may take",
+            HijackWarning,
+            stacklevel=2,
+        )
+
+
+def _provider_error(name: str, problem: str) -> MissingPackageError:
+    return MissingPackageError(
+        f"--vm {name} can't be used here: {problem.rstrip('.')}. It needs {NEEDS[name]};"
+        f" its packages come with: hijack osworld setup --provider {name}"
+    )
 
 
 def read_address(text: str) -> Address:
@@ -241,7 +305,7 @@ def machine(
         fresh: Callable[[], Address] | None = None
         if is_address(name):
             fresh = ResetByCommand(name, settings.reset_command)
-            made = OSWorldSettings(cache, (width, height), password=password)
+            made = OSWorldSettings(cache, (width, height), password=password, options=options)
             _wait_for_guest(name, FIRST_ANSWER_TIMEOUT_S)
         else:
             made = OSWorldSettings(

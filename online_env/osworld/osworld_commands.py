@@ -159,6 +159,11 @@ def setup(tier: str, providers: tuple[str, ...], checkout: Path | None, folder: 
 
     A second call finds it and installs nothing.
     """
+    if "daytona" in providers and checkout is None:
+        raise ParameterError(
+            f"--provider daytona: {venv.PACKAGE} has no such provider; name a checkout of OSWorld"
+            " that has it with --osworld DIR"
+        )
     report = venv.make(folder, tier, providers=providers, osworld=checkout)
     echo(
         f"{report.folder}: {report.tier}, {report.megabytes:.0f} MB"

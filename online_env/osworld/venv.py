@@ -17,9 +17,9 @@ PACKAGE = "desktop-env==1.0.2"
 TIERS = ("tiny", "lean", "mid", "full")
 # What OSWorld's own providers import, at any version: none of it touches scores.
 PROVIDER_PACKAGES = {
-    "docker": ("docker", "filelock", "psutil"),
-    "vmware": ("filelock", "psutil"),
-    "virtualbox": ("filelock", "psutil"),
+    "docker": ("docker", "filelock", "psutil", "tqdm"),
+    "vmware": ("filelock", "psutil", "tqdm"),
+    "virtualbox": ("filelock", "psutil", "tqdm"),
     "aws": ("boto3", "python-dotenv"),
     "azure": ("azure-identity", "azure-mgmt-compute", "azure-mgmt-network", "boto3", "psutil"),
     "daytona": ("daytona",),

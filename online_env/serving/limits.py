@@ -61,7 +61,8 @@ def bounded_protocol(max_connections: int) -> type[H11Protocol]:
                 self._timer = self.loop.call_later(REQUEST_TIMEOUT_S, self._end)
 
         def _is_incomplete(self) -> bool:
-            if self.transport.is_closing():
+            # A connection that became a WebSocket has another protocol; h11 still awaits a body.
+            if self.transport.is_closing() or self.transport.get_protocol() is not self:
                 return False
             state = self.conn.their_state
             is_first = self.cycle is None

@@ -176,13 +176,17 @@ def serve(
 
     token = read_token(token_file, server.TOKEN)
     bench = override(
-        load_bench(config), task=tasks, corruption=corruptions, osworld_files=osworld_files
+        load_bench(config),
+        task=tasks,
+        corruption=corruptions,
+        osworld_files=osworld_files,
+        max_steps=max_steps,
     )
     bench = on_machines(bench, vm, machines, vm_options, reset_command)
     bench = only_playable(bench, unplayable, lambda text: echo(text, err=True))
     own_machines = 0 if bench.machines is None else len(bench.machines.each())
     options = server.ServeOptions(
-        bench=server.override_limits(bench, max_steps, size),
+        bench=server.override_size(bench, size),
         desktops=desktops or own_machines or default_desktops(),
         host=host,
         port=port,

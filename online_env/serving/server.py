@@ -100,22 +100,17 @@ class ServeOptions:
         )
 
 
-def override_limits(bench: Bench, max_steps: int | None, size: str | None) -> Bench:
-    """Return a benchmark with the values of the command line.
+def override_size(bench: Bench, size: str | None) -> Bench:
+    """Return a benchmark with another size of the screens, if one is given.
 
     Args:
         bench: As it is configured.
-        max_steps: Actions until an episode is cut off.
-        size: Of the screens, WIDTHxHEIGHT in pixels.
+        size: WIDTHxHEIGHT in pixels.
 
     Raises:
         ParameterError: `size` is not WIDTHxHEIGHT.
     """
-    if max_steps is not None:
-        bench = replace(bench, max_steps=max_steps)
-    if size is not None:
-        bench = replace(bench, size=_parse_size(size))
-    return bench
+    return bench if size is None else replace(bench, size=_parse_size(size))
 
 
 def make_service(options: ServeOptions) -> DesktopService:

@@ -238,6 +238,11 @@ class CarefulHand(Hand):
             self._escape(present)  # a menu or a dialog may be open
         return False
 
+    def check_first_screen(self) -> None:
+        """Ask for help before the first action if the task begins on a page that did not load."""
+        if self._is_offline(self.look()):
+            self._ask_for_help()
+
     def prepare_retry(self) -> None:
         """Remove what is in the way of another try: also what the last one left open or changed.
 
@@ -442,10 +447,12 @@ class CarefulHand(Hand):
         return any(node.role == "static" and PAGE_ERROR.match(node.name) for node in nodes)
 
     def _ask_for_help(self) -> None:
-        """Ask for the machine to be put right, once, and load the page again."""
+        """Ask for the machine to be put right, once, and load the page again if it is as before."""
         if not self._asked:
             self._asked = True
             super().run(REINIT)
+            if not self._is_offline(self.look()):
+                return
         super().run("pyautogui.press('f5')")
         time.sleep(LOST_S)
 

@@ -1,14 +1,25 @@
-"""OSWorld's tasks under all nine corruptions on a machine that is reached by HTTP alone."""
+"""OSWorld's tasks on a machine that is reached by HTTP alone: all nine, and a trainer's rollouts."""
 
 import json
+import re
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import yaml
+
+import hijack_data as hj
+from pipelines.train.adapters.driven_episode import DrivenEpisode
+from pipelines.train.adapters.served_env import ServedEnv
+from pipelines.train.rollouts import RolloutRequest
+from pipelines.train.sampler import Draw
+from pipelines.train.split import members
 
 from support import needs
 
+ROOT = Path(__file__).parents[2]
 HIJACK = [sys.executable, "-m", "hijack_data.cli"]
 EFFECTS = {"multi_apps", "accidental_touch", "app_minimization", "network_error", "verification"}
 AGENT = """
@@ -21,7 +32,6 @@ class WaitsThenFails:
         return "", ["FAIL" if self.steps > 4 else "WAIT"]
 """
 TASK = {
-    "id": "t-editor",
     "instruction": "Do what cannot be done.",
     "related_apps": ["os"],
     "config": [{"type": "launch", "parameters": {"command": ["mousepad"]}}],
@@ -45,12 +55,16 @@ def machine(embedded_machine: None):
     process.communicate()
 
 
+def write_task(folder: Path, name: str) -> None:
+    path = folder / "examples" / "os" / f"{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps({**TASK, "id": name}))
+
+
 def test_one_task_under_all_nine(machine: tuple[str, str], tmp_path: Path) -> None:
     needs.osworld_at_default()
     address, reset = machine
-    task = tmp_path / "tasks" / "examples" / "os" / "t-editor.json"
-    task.parent.mkdir(parents=True)
-    task.write_text(json.dumps(TASK))
+    write_task(tmp_path / "tasks", "t-editor")
     agent = tmp_path / "agent.py"
     agent.write_text(AGENT)
     config = tmp_path / "bench.yaml"
@@ -79,3 +93,51 @@ def test_one_task_under_all_nine(machine: tuple[str, str], tmp_path: Path) -> No
         [*HIJACK, "verify", run], capture_output=True, text=True, timeout=300, check=False
     )
     assert verified.returncode == 0, verified.stdout[-3000:]
+
+
+def test_a_trainer_plays_its_rollouts_there(machine: tuple[str, str], tmp_path: Path) -> None:
+    """`hijack serve` on the machine, and the environment of configs/train/verl_served.yaml."""
+    pytest.importorskip("openenv", reason=needs.SERVE)
+    pytest.importorskip("prometheus_client", reason=needs.SERVE)
+    needs.osworld_at_default()
+    address, reset = machine
+    training, held_out = (members(f"osworld/{side}")[0] for side in ("training", "held_out"))
+    for name in (training, held_out):
+        write_task(tmp_path / "tasks", name)
+    (loop,) = yaml.safe_load((ROOT / "configs" / "train" / "verl_served.yaml").read_text())
+    config = tmp_path / "bench.yaml"
+    config.write_text("desktop: {provider: osworld, size: [1280, 720]}\n")
+    words = [config, "--vm", address, "--reset-command", reset, "--tasks", tmp_path / "tasks"]
+    corruptions = ",".join([*loop["corruptions"], "clean"])
+    server = subprocess.Popen(
+        [*HIJACK, "serve", *words, "--corruptions", corruptions, "--port", "0"],
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert server.stdout is not None
+    try:
+        line = server.stdout.readline()
+        url = re.search(r"http://\S+?(?=,)", line)
+        assert url is not None, line
+        settings = {**loop["environment_args"], "addresses": url[0], "size": (720, 1280)}
+        episode = DrivenEpisode(lambda: ServedEnv(**settings))
+        for slot, planner in enumerate((hj.MultiApps(), hj.Marks())):
+            draw = Draw(label=planner.label, planner=planner, key="")
+            request = RolloutRequest(step=0, group=training, slot=slot, seed=7, draw=draw)
+            observation = episode.reset(request)
+            assert observation is not None, episode.finish().problem
+            assert observation["screenshot"].shape == (720, 1280, 3)
+            assert episode.step("WAIT") is not None
+            assert episode.step("FAIL") is None
+            rollout = episode.finish()
+            assert (rollout.status, rollout.success, rollout.reward()) == ("ok", 1.0, 1.0)
+        draw = Draw(label="clean", planner=None, key="")
+        request = RolloutRequest(step=0, group=held_out, slot=0, seed=7, draw=draw)
+        assert episode.reset(request) is None
+        assert "held out" in episode.finish().problem
+        episode.close()
+        server.send_signal(signal.SIGTERM)
+        assert server.wait(60) == 0
+    finally:
+        server.kill()
+        server.communicate()

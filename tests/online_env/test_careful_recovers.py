@@ -67,6 +67,19 @@ def test_help_is_asked_for_once_where_the_network_is_gone() -> None:
     assert ran == [ESCAPE]  # a text of a page that is there
 
 
+def test_help_is_asked_for_on_the_first_screen() -> None:
+    page = node("frame", "x - Chrome") + node("static", "ERR_NAME_NOT_RESOLVED")
+    offline = screen(("Google Chrome", page))
+    mended = screen(("Google Chrome", node("frame", "x - Chrome")))
+    hand, ran = hand_on(offline, mended, apps=("chrome",))
+    hand.check_first_screen()
+    hand.check_first_screen()
+    assert ran == [REINIT]  # the page is there again
+    hand, ran = hand_on(offline, apps=("chrome",))
+    hand.check_first_screen()
+    assert ran == [REINIT, F5]
+
+
 def test_an_application_that_is_gone_is_started_as_a_person_would() -> None:
     finder = ("xfce4-appfinder", node("frame", "Application Finder"))
     requests = screen(NOTHING, finder)

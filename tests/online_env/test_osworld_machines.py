@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,8 +14,9 @@ from click.testing import CliRunner
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError
 from online_env import tasks
-from online_env.errors import DesktopError
+from online_env.errors import DesktopError, MissingPackageError
 from online_env.osworld import machines
+from online_env.osworld.bridge import worker
 from online_env.osworld.file_tasks import MachineTasks
 from online_env.tasks.machines import MachineSettings
 
@@ -207,6 +209,12 @@ def test_a_run_without_a_machine_left_says_why(osworld, tmp_path) -> None:
             "names one machine",
         ),
         (["--vm", "http://127.0.0.1:9", "--machines", "2"], "repeat --vm"),
+        (["--vm", "http://127.0.0.1:9", "--vm-option", "region=x"], "is for providers, not for"),
+        (
+            ["--vm", "vmware", "--vm-option", "enable_proxy=true"],
+            "PROXY_CONFIG_FILE names the JSON",
+        ),
+        (["--vm", "azure"], "name yours by --vm-option path_to_vm=RESOURCE_GROUP/MACHINE"),
         (["--reset-command", "x"], "osworld needs --vm"),
     ],
 )
@@ -226,6 +234,71 @@ def test_a_dry_run_refuses_what_the_run_would(
     run = CliRunner().invoke(hijack, [*arguments, "--out", str(tmp_path / "run")])
     assert str(run.exception) == str(dry.exception)
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "problem", "remedy"),
+    [
+        (
+            "docker",
+            "No module named '(docker|tqdm)'|DockerException",
+            "a Docker daemon that answers",
+        ),
+        ("vmware", "vmrun is not on the PATH", "VMware Workstation, with vmrun"),
+        ("virtualbox", "VBoxManage is not on the PATH", "VirtualBox, with VBoxManage"),
+        ("aws", "No module named 'boto3'|AWS_REGION must be set", "AWS_SUBNET_ID"),
+        ("azure", "No module named 'azure'|AZURE_SUBSCRIPTION_ID", "AZURE_SUBSCRIPTION_ID"),
+        ("daytona", "this desktop_env has no provider 'daytona'", "--osworld DIR"),
+    ],
+)
+def test_what_a_provider_lacks_is_said_before_the_run(
+    name: str, problem: str, remedy: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", "/nothing-here")
+    monkeypatch.setenv("DOCKER_HOST", "unix:///nothing-here.sock")
+    for variable in ("AWS_REGION", "AZURE_SUBSCRIPTION_ID"):
+        monkeypatch.delenv(variable, raising=False)
+    options = {"path_to_vm": "group/machine"} if name == "azure" else {}
+    with pytest.raises(MissingPackageError, match=problem) as refused:
+        machines.check(MachineSettings(vm=(name,), options=options), 10, needs.osworld())
+    assert remedy in str(refused.value)
+    assert f"hijack osworld setup --provider {name}" in str(refused.value)
+
+
+def test_amazons_image_is_the_snapshot_of_a_revert(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`DesktopEnv` would ask Amazon for an image called init_state, at the second episode."""
+    images = {"us-east-1": {(1920, 1080): "ami-1"}}
+    manager = SimpleNamespace(IMAGE_ID_MAP=images)
+    monkeypatch.setitem(sys.modules, "desktop_env.providers.aws.manager", manager)
+    monkeypatch.setenv("AWS_REGION", "us-east-1")
+    screen = {"screen_size": (1920, 1080)}
+    arguments = dict(screen)
+    worker._set_image(arguments)
+    assert arguments == {**screen, "region": "us-east-1", "snapshot_name": "ami-1"}
+    named = {**arguments, "snapshot_name": "ami-2"}
+    worker._set_image(named)
+    assert named["snapshot_name"] == "ami-2"
+    elsewhere = {**screen, "region": "eu-north-1"}
+    worker._set_image(elsewhere)
+    assert "snapshot_name" not in elsewhere
+
+
+def test_a_task_behind_a_proxy_is_set_up_with_one(osworld, tmp_path, monkeypatch) -> None:
+    """OSWorld's set-up takes the proxy of the file and configures it in the guest."""
+    proxies = tmp_path / "proxies.json"
+    proxies.write_text('[{"host": "proxy.test", "port": 3128, "username": "u", "password": "p"}]')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PROXY_CONFIG_FILE", proxies.name)
+    with fake_guests(tmp_path, None) as (guest,):
+        vm = (f"http://{guest.address}",)
+        settings = MachineSettings(vm=vm, options={"enable_proxy": True}, reset_command=REVERT)
+        machines.check(settings, 2, osworld)
+        with machines.machine((SIZE[1], SIZE[0]), settings, osworld) as desktop:
+            task = task_file(tmp_path, "t-proxy", proxy=True)
+            desktop.env.reset(json.loads(task.read_text()))
+            log = Path(desktop.env._log).read_text()
+    assert "Loaded 1 proxies" in log
+    assert "Setting up proxy: proxy.test:3128" in log
 
 
 def test_tasks_that_cannot_be_played_are_listed_and_counted(osworld, tmp_path) -> None:

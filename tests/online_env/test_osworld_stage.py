@@ -9,14 +9,17 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
+from hijack_data.actions.agent_actions import read_action
 from hijack_data.errors import ParameterTypeError
 from online_env import tasks
 from online_env.errors import DesktopError
-from online_env.osworld import history
+from online_env.osworld import file_tasks, history
 from online_env.osworld.cache_files import HISTORY_NAME
 from online_env.osworld.errors import OsworldError
-from online_env.osworld.file_tasks import OsworldTasks, task_class
+from online_env.osworld.file_tasks import RUN_DIALOG, TERMINAL_TITLE, OsworldTasks, task_class
 from online_env.osworld.solutions import SOLUTIONS
+
+from support.trees import node, tree
 
 NAME = "a1"
 HISTORY = {"type": "update_browse_history", "parameters": {}}
@@ -175,13 +178,32 @@ class ShellHand:
         return self._tree
 
 
-def test_a_script_that_runs_commands_is_none_for_an_agent(task: Any) -> None:
+def test_the_oracle_types_a_scripts_commands_into_a_terminal(
+    task: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(file_tasks.time, "sleep", lambda _: None)
     task()
-    of_shell = [name for name, value in SOLUTIONS.items() if value.how != "windows"]
-    cls = tasks.TASKS.get(NAME)
-    for name in of_shell:
-        hand: Any = ShellHand("")
-        with pytest.raises(DesktopError, match=f"no script solves OSWorld's task {name} through"):
-            type("Named", (cls,), {"name": name})(0).oracle(hand)
-        assert hand.code == []
-    assert of_shell
+    titles = (RUN_DIALOG, TERMINAL_TITLE, "GNU Image Manipulation Program", "Untitled 1")
+    shown = tree("all", *(node("frame", title) for title in titles))
+    names = [name for name, value in SOLUTIONS.items() if value.how == "shell"]
+    assert names
+    for name in names:
+        hand: Any = ShellHand(shown)
+        type("Named", (tasks.TASKS.get(NAME),), {"name": name})(0).oracle(hand)
+        assert hand.code[:3] == [
+            "pyautogui.hotkey('alt', 'f2')",
+            "pyautogui.write('xfce4-terminal')",
+            "pyautogui.hotkey('enter')",
+        ]
+        assert 4 <= len(hand.code) <= 6
+        assert all("\\n" in code for code in hand.code[3:])
+        for code in hand.code:
+            assert read_action(code).kind == "code"  # what any agent may do
+
+
+def test_a_task_without_a_script_is_not_played(task: Any) -> None:
+    task()
+    hand: Any = ShellHand("")
+    with pytest.raises(DesktopError, match="no script solves OSWorld's task"):
+        tasks.TASKS.get(NAME)(0).oracle(hand)
+    assert hand.code == []

@@ -22,7 +22,7 @@ from online_env.serving.errors import (
     LeaseExpiredError,
     ServerBusyError,
 )
-from online_env.serving.server import TOKEN, ServeOptions, override_limits
+from online_env.serving.server import TOKEN, ServeOptions, override_size
 from online_env.serving.sessions import DesktopSession
 from online_env.tasks import task_sets
 
@@ -464,6 +464,6 @@ def test_a_token_file_is_for_its_owner(tmp_path):
 
 @pytest.mark.parametrize("size", ["1280", "1280*720", "x720", "99999x720"])
 def test_a_size_is_width_and_height(size):
-    assert override_limits(Bench(), 7, "1280x720") == Bench(max_steps=7, size=(720, 1280))
+    assert override_size(Bench(), "1280x720") == Bench(size=(720, 1280))
     with pytest.raises(ParameterError, match="--size must be WIDTHxHEIGHT"):
-        override_limits(Bench(), None, size)
+        override_size(Bench(), size)

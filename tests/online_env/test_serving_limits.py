@@ -23,6 +23,8 @@ from starlette.websockets import WebSocket
 
 from online_env.serving import limits
 
+from support import needs
+
 CONNECTIONS = 5
 REQUEST = b"GET / HTTP/1.1\r\nHost: a\r\n\r\n"
 
@@ -46,9 +48,7 @@ APP = limits.RequestLimits(
 def port(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
     """The port of a server whose requests have half a second."""
     monkeypatch.setattr(limits, "REQUEST_TIMEOUT_S", 0.5)
-    config = uvicorn.Config(
-        APP, http=limits.bounded_protocol(CONNECTIONS), ws="none", log_level="critical"
-    )
+    config = uvicorn.Config(APP, http=limits.bounded_protocol(CONNECTIONS), log_level="critical")
     server = uvicorn.Server(config)
     listener = socket.create_server(("127.0.0.1", 0))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
@@ -108,6 +108,15 @@ def test_connections_without_a_request_cannot_use_up_the_descriptors(port: int) 
         assert all(ended(connection) for connection in values)  # when their time is over
     with connect(port) as connection:
         assert b"200 OK" in ask(connection)
+
+
+def test_a_session_may_wait_longer_than_a_request(port: int) -> None:
+    """A reset takes minutes on a virtual machine."""
+    client = pytest.importorskip("websockets.sync.client", reason=needs.SERVE)
+    with client.connect(f"ws://127.0.0.1:{port}/ws") as session:
+        time.sleep(1)
+        session.send('{"type": "state"}')
+        assert session.recv(timeout=20) == '{"type": "state"}'
 
 
 def test_a_body_has_a_limit_whether_its_size_is_declared_or_not() -> None:

@@ -38,14 +38,15 @@ class Worker:
 
         `settings`: `address` (host, ports, token), `cache` (folder), `screen` ([width, height]),
         `tree` (whether observations hold the accessibility tree), `password` (of the guest's user).
-        Instead of `address`, `provider` names one of OSWorld's own providers, and `options` are
-        more arguments of `DesktopEnv`. With neither, nothing but `check` can be called.
+        Instead of `address`, `provider` names one of OSWorld's own providers. `options` are more
+        arguments of `DesktopEnv`. With neither, nothing but `check` can be called.
         """
         with tempfile.NamedTemporaryFile("w", suffix=".json") as proxies:
             proxies.write("[]")
             proxies.flush()
             # read at import; without it an error is logged
-            os.environ["PROXY_CONFIG_FILE"] = proxies.name
+            if not settings["options"].get("enable_proxy"):
+                os.environ["PROXY_CONFIG_FILE"] = proxies.name
             with stubs.standing_in() as self.absent:
                 module: Any = importlib.import_module("desktop_env.desktop_env")
         self.metrics, self.getters, self.setup = (
@@ -62,9 +63,13 @@ class Worker:
             "screen_size": tuple(settings["screen"]),
             "require_a11y_tree": bool(settings["tree"]),
             "client_password": settings["password"],
+            **settings["options"],
         }
         if settings.get("provider"):
-            arguments |= {"provider_name": settings["provider"], **settings["options"]}
+            arguments |= {"provider_name": settings["provider"]}
+            additions.complete_manager(settings["provider"])
+            if settings["provider"] == "aws":
+                _set_image(arguments)
             self.env = module.DesktopEnv(**arguments)
             self.owns_machine = True
             self.used = self.env.is_environment_used
@@ -97,6 +102,7 @@ class Worker:
             return f"this desktop_env has no provider {name!r}, only: {', '.join(names)}"
         try:
             with tempfile.TemporaryDirectory() as scratch, contextlib.chdir(scratch):
+                additions.complete_manager(name)
                 importlib.import_module(PROVIDERS).create_vm_manager_and_provider(name, None)
         except Exception as error:  # noqa: BLE001  (they raise what they like)
             return f"{type(error).__name__}: {error}"
@@ -141,6 +147,18 @@ class Worker:
         # Only code can change the machine, and a revert takes a provider up to minutes.
         self.used = self.used or method == "execute_python_command"
         return _portable(getattr(self.env.controller, method)(*arguments))
+
+
+def _set_image(arguments: Message) -> None:
+    """Name Amazon's image of OSWorld's machine as the snapshot that a revert starts from.
+
+    `DesktopEnv` itself would ask Amazon for an image called "init_state".
+    """
+    images = importlib.import_module(f"{PROVIDERS}.aws.manager").IMAGE_ID_MAP
+    region = arguments.setdefault("region", os.environ["AWS_REGION"])
+    image = images.get(region, {}).get(arguments["screen_size"])
+    if image:  # else the provider names the regions and sizes that there are
+        arguments.setdefault("snapshot_name", image)
 
 
 def _portable(value: Any) -> Any:

@@ -40,6 +40,20 @@ def test_what_verl_reads_is_written(tmp_path):
     assert loop(tmp_path / "agent.yaml")["environment_args"]["addresses"] == servers.split(",")
 
 
+def test_verl_trains_on_the_tasks_of_osworld_that_a_server_lists(tmp_path):
+    served = tmp_path / "tasks.txt"
+    names = sorted(members("osworld/training"))[:3]
+    served.write_text("".join(f"{name}\n" for name in names))
+    command = [sys.executable, CLUSTER / "prepare.py", "http://a:8000", tmp_path, served]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    output = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    assert "3 training tasks, 241 held out, 1 servers" in output.stdout
+    rows = parquet.read_table(tmp_path / "train.parquet").to_pylist()
+    assert [row["extra_info"]["task"] for row in rows] == names
+    settings = loop(tmp_path / "agent.yaml")["environment_args"]
+    assert settings == {"addresses": ["http://a:8000"], "size": [1080, 1920]}
+
+
 @pytest.mark.parametrize(
     ("script", "problem"), [("desktops.sh", "openssl rand"), ("verl.sh", "the secret of the serve")]
 )
