@@ -15,6 +15,9 @@ seeds are reported. Rates are for two cores.
     ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
+    miniwob             40 tasks of MiniWoB++ in a browser, oracle and random
+    miniwob_dom         the same tasks with what is pasted as nodes of the page, dom_agent.py: under
+                        all but resolution
     osworld             10 tasks of OSWorld (--osworld TASKS) that an oracle of ours does in windows,
                         two agents: 200 episodes, about 40 minutes
 """
@@ -31,6 +34,7 @@ from common import hijack
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from hijack_data.corruption import corruption_names
 from online_env import tasks
 from online_env.osworld.solutions import SOLUTIONS
 from online_env.osworld.tasks import load
@@ -43,6 +47,7 @@ RESULTS = ROOT / "docs" / "results"
 AGENTS = "oracle,recovering,do_nothing,random,pixel,pixel_onlooker"
 OSWORLD = "osworld"
 ALL_TASKS = "all_tasks"
+LABELS = ("clean", *corruption_names()[:9])
 PLAYED = {
     "reference_agents": ("embedded_core", "--agent", AGENTS, "--seeds", "3"),
     ALL_TASKS: ("embedded", "--agent", "pixel"),
@@ -50,6 +55,11 @@ PLAYED = {
     "ablation_content": ("ablations/content", "--agent", "pixel"),
     "ablation_location": ("ablations/location", "--agent", "pixel"),
     "ablation_modules": ("ablations/modules",),
+    "miniwob": ("miniwob", "--agent", "oracle,random"),
+    "miniwob_dom": (
+        *("miniwob", "--layer", "dom", "--agent", "benchmarks/dom_agent.py:DomAgent"),
+        *("--corruptions", ",".join(name for name in LABELS if name != "resolution")),
+    ),
     OSWORLD: ("embedded_small", "--agent", "oracle,do_nothing"),
 }
 RECORDED = ("run.json", "records.jsonl", "sessions.jsonl")  # what `hijack bench --resume` reads

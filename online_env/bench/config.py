@@ -307,6 +307,7 @@ def override(
     osworld_files: str | None = None,
     recovery: Recovery | None = None,
     environment_errors: ErrorOrder | None = None,
+    layer: DrawingLayer | None = None,
 ) -> Bench:
     """Return the benchmark with the values of the command line.
 
@@ -319,6 +320,7 @@ def override(
         osworld_files: OSWorld's file cache.
         recovery: the recovery policy.
         environment_errors: when the network is cut that is down from the beginning.
+        layer: who draws what plans paste.
 
     Raises:
         UnknownNameError: There is no such name; the message has the closest one.
@@ -331,6 +333,8 @@ def override(
         bench = replace(bench, recovery=recovery)
     if environment_errors is not None:
         bench = replace(bench, environment_errors=environment_errors)
+    if layer is not None:
+        bench = replace(bench, layer=layer)
     if agent is not None:
         bench = replace(bench, agents=_registered_names("--agent", agent, AGENTS))
     if task is not None:

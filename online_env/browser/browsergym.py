@@ -158,6 +158,11 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         sample = f"{_task_name(base.task)}-{seed}"
         script = Script(self._planner, self._seed, sample, APPS, size)
         script.check(MAX_STEPS, self._browser)
+        if self._planner is not None and self._planner.inputs:
+            raise EffectError(
+                f"{get_label(self._planner)} changes the agent's input, and BrowserGym sends that"
+                " by its own functions: play it by hijack bench"
+            )
         self._script = script
         self._effects = EpisodeEffects(self._browser, self._password)
         before = self._inject(script.plan(BEFORE), BEFORE)

@@ -22,6 +22,8 @@ from .page_layer import PageLayer
 from .session import LOAD_TIMEOUT_S, BrowserPage
 
 LOOK_EVERY_S = 0.05
+# The kinds of effects that a browser has while a client drives it.
+EFFECTS = frozenset({"launch_app", "minimise", "touch", "lock"})
 SAMPLE = "by hand"  # the key of the random draws
 _VIEW = "[innerHeight, innerWidth, devicePixelRatio]"
 _IS_DRAWN = "Boolean(globalThis.agenthijackLayer?.look().shown)"
@@ -50,8 +52,8 @@ class SharedBrowser(BrowserDesktop):
         port: Of the loopback interface; 0 for a free one.
 
     Raises:
-        ParameterError: The corruption resizes the picture or cuts the network, the port is in use,
-            or there is no display for windows.
+        ParameterError: A browser that a client drives cannot have the corruption, the port is in
+            use, or there is no display for windows.
         MissingPackageError: There is no Chromium, or it is too old.
         DesktopError: Chromium does not start.
     """
@@ -77,15 +79,7 @@ class SharedBrowser(BrowserDesktop):
         self._is_ready = threading.Event()
         self._documents: dict[str, _Document] = {}
         self._is_applied = False
-        if any(isinstance(op, Resample) for op in self._plan(size).ops):
-            raise ParameterError(
-                "the corruption resizes the picture, which no node of a page can do: leave it out"
-            )
-        if any(effect.kind == "firewall" for effect in self._plan(size).effects):
-            raise ParameterError(
-                "being offline is not proved while a client shares the browser: play network_error"
-                " by hijack bench, or have the client switch its network off"
-            )
+        self._check(self._plan(size))
         try:
             self._relay = CdpRelay(self._get_port, port)
         except OSError as error:
@@ -116,6 +110,18 @@ class SharedBrowser(BrowserDesktop):
             time.sleep(LOOK_EVERY_S)
         self.task_page = self.front
         self._is_ready.set()
+
+    def cover(self, app: str = "") -> BrowserPage:
+        """Open a page of ours in front, in the window of the page that the client sees."""
+        front = self.front.target
+        info = self._devtools.call("Target.getTargetInfo", targetId=front)["targetInfo"]
+        self._context = info.get("browserContextId", "")
+        try:
+            page = super().cover(app)
+        finally:
+            self._context = ""
+        self.show(page)
+        return page
 
     def close(self) -> None:
         """End Chromium, and stop listening."""
@@ -171,6 +177,29 @@ class SharedBrowser(BrowserDesktop):
         boxes = as_boxes(None) if tree is None else boxes_from_tree(tree, size).boxes
         scene = Scene(size, boxes, ("chrome",))
         return self._planner.plan(scene, seed=self._seed, sample=SAMPLE)
+
+    @staticmethod
+    def _check(plan: Plan) -> None:
+        """Refuse what is not proved here.
+
+        Raises:
+            ParameterError: The message has the reason.
+        """
+        kinds = {effect.kind for effect in plan.effects}
+        reason = ""
+        if any(isinstance(op, Resample) for op in plan.ops):
+            reason = "it resizes the picture, which no node of a page can do"
+        elif plan.inputs:
+            reason = "it changes the agent's input, and the client sends its own"
+        elif "firewall" in kinds:
+            reason = (
+                "being offline is not proved while a client shares the browser: play network_error"
+                " by hijack bench, or have the client switch its network off"
+            )
+        elif kinds - EFFECTS:
+            reason = f"its effect {min(kinds - EFFECTS)} needs a desktop: play it by hijack bench"
+        if reason:
+            raise ParameterError(f"{plan.corruption}: {reason}")
 
     def _corrupt(self, page: BrowserPage) -> Iterator[str]:
         """Corrupt a page that has loaded, unless that was done."""
