@@ -15,9 +15,8 @@ seeds are reported. Rates are for two cores.
     ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
-    miniwob             40 tasks of MiniWoB++ in a browser, oracle and random
-    miniwob_dom         the same tasks with what is pasted as nodes of the page, dom_agent.py: under
-                        all but resolution
+    miniwob             40 tasks of MiniWoB++, oracle, random and dom_agent.py under all but
+                        resolution, whose pastes are nodes of the page: 1,080 episodes
     osworld             10 tasks of OSWorld (--osworld TASKS) that an oracle of ours does in windows,
                         two agents: 200 episodes, about 40 minutes
 """
@@ -47,6 +46,7 @@ RESULTS = ROOT / "docs" / "results"
 AGENTS = "oracle,recovering,do_nothing,random,pixel,pixel_onlooker"
 OSWORLD = "osworld"
 ALL_TASKS = "all_tasks"
+DOM_AGENT = "benchmarks/dom_agent.py:DomAgent"
 LABELS = ("clean", *corruption_names()[:9])
 PLAYED = {
     "reference_agents": ("embedded_core", "--agent", AGENTS, "--seeds", "3"),
@@ -55,9 +55,8 @@ PLAYED = {
     "ablation_content": ("ablations/content", "--agent", "pixel"),
     "ablation_location": ("ablations/location", "--agent", "pixel"),
     "ablation_modules": ("ablations/modules",),
-    "miniwob": ("miniwob", "--agent", "oracle,random"),
-    "miniwob_dom": (
-        *("miniwob", "--layer", "dom", "--agent", "benchmarks/dom_agent.py:DomAgent"),
+    "miniwob": (
+        *("miniwob", "--layer", "dom", "--agent", f"oracle,random,{DOM_AGENT}"),
         *("--corruptions", ",".join(name for name in LABELS if name != "resolution")),
     ),
     OSWORLD: ("embedded_small", "--agent", "oracle,do_nothing"),

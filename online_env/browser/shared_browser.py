@@ -18,10 +18,12 @@ from ..effects import find, perform
 from ..errors import DesktopError
 from .cdp_relay import CdpRelay
 from .desktop import BrowserDesktop
+from .effects import IS_HIDDEN, IS_WALL
 from .page_layer import PageLayer
 from .session import LOAD_TIMEOUT_S, BrowserPage
 
 LOOK_EVERY_S = 0.05
+HIDE_TIMEOUT_S = 3.0  # for a page to notice that another one is in front
 # The kinds of effects that a browser has while a client drives it.
 EFFECTS = frozenset({"launch_app", "minimise", "touch", "lock"})
 SAMPLE = "by hand"  # the key of the random draws
@@ -113,14 +115,17 @@ class SharedBrowser(BrowserDesktop):
 
     def cover(self, app: str = "") -> BrowserPage:
         """Open a page of ours in front, in the window of the page that the client sees."""
-        front = self.front.target
-        info = self._devtools.call("Target.getTargetInfo", targetId=front)["targetInfo"]
+        behind = self.front
+        info = self._devtools.call("Target.getTargetInfo", targetId=behind.target)["targetInfo"]
         self._context = info.get("browserContextId", "")
         try:
             page = super().cover(app)
         finally:
             self._context = ""
         self.show(page)
+        deadline = time.monotonic() + HIDE_TIMEOUT_S
+        while not self.examine(IS_HIDDEN, behind) and time.monotonic() < deadline:
+            time.sleep(LOOK_EVERY_S)
         return page
 
     def close(self) -> None:
@@ -204,6 +209,9 @@ class SharedBrowser(BrowserDesktop):
     def _corrupt(self, page: BrowserPage) -> Iterator[str]:
         """Corrupt a page that has loaded, unless that was done."""
         if self._planner is None or not str(self.examine("location.href", page)).startswith("http"):
+            return
+        if self.is_walled and not self.examine(IS_WALL, page):
+            self.reload(page)  # the first document of a new tab comes before requests are caught
             return
         if self.examine(_IS_DRAWN, page):
             return
