@@ -6,7 +6,8 @@ plays what is missing of a run on the embedded desktop, then writes report.json 
 docs/results/NAME, the records of the episodes, without pictures, into docs/results/NAME/run, and
 the tables into an about.md that has places for them. So a run can be spread over days and machines:
 RUNS, by default runs/NAME, begins with the records that are there. Those of OSWorld's tasks stay in
-RUNS, since they hold its instructions. With --report-only N nothing is played, and the first N
+RUNS, since they hold its instructions, and those of MiniWoB++, since they name the user's copies of
+its pages. With --report-only N nothing is played, and the first N
 seeds are reported. Rates are for two cores.
 
     reference_agents    24 tasks, six agents, three seeds: 4,320 episodes, about ten hours
@@ -46,6 +47,8 @@ RESULTS = ROOT / "docs" / "results"
 AGENTS = "oracle,recovering,do_nothing,random,pixel,pixel_onlooker"
 OSWORLD = "osworld"
 ALL_TASKS = "all_tasks"
+MINIWOB = "miniwob"
+UNPUBLISHED = (OSWORLD, MINIWOB)  # whose records stay where they are
 DOM_AGENT = "benchmarks/dom_agent.py:DomAgent"
 LABELS = ("clean", *corruption_names()[:9])
 PLAYED = {
@@ -55,7 +58,7 @@ PLAYED = {
     "ablation_content": ("ablations/content", "--agent", "pixel"),
     "ablation_location": ("ablations/location", "--agent", "pixel"),
     "ablation_modules": ("ablations/modules",),
-    "miniwob": (
+    MINIWOB: (
         *("miniwob", "--layer", "dom", "--agent", f"oracle,random,{DOM_AGENT}"),
         *("--corruptions", ",".join(name for name in LABELS if name != "resolution")),
     ),
@@ -91,7 +94,7 @@ def main() -> None:
             words += ["--desktops", str(options.desktops)]
         play(words, runs)
     result.mkdir(parents=True, exist_ok=True)
-    if name != OSWORLD:
+    if name not in UNPUBLISHED:
         copy_records(runs, result / "run")
     written = result / "report.json"
     written.unlink(missing_ok=True)
