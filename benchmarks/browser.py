@@ -25,7 +25,9 @@ import json, os, statistics, sys, time
 import playwright.sync_api as api
 launch = api.BrowserType.launch
 api.BrowserType.launch = lambda self, **options: launch(self, **{**options, "executable_path": sys.argv[1], "args": ["--no-sandbox"]})
-import gymnasium, browsergym.miniwob
+import gymnasium, browsergym.miniwob, miniwob, pathlib
+pages = pathlib.Path(miniwob.__file__).parent / "html/miniwob"
+os.environ["MINIWOB_URL"] = pages.as_uri() + "/"
 env = gymnasium.make("browsergym/miniwob.enter-text", pre_observation_delay=0.0)
 resets, steps = [], []
 for seed in range(4):

@@ -2,24 +2,28 @@
 
 Run it where browsergym-miniwob and miniwob are installed, with a Chromium of the system:
 
-    python benchmarks/browsergym_miniwob.py [TASK ...]
+    python benchmarks/browsergym_miniwob.py OUT.csv [TASK ...]
 
-Each task is played clean and under each of the nine by the scripts of `miniwob_oracles`, which read
-the accessibility tree. They react to nothing: a page in front is closed by `tab_focus(0)` first.
+Tasks with a script in `miniwob_oracles`, which reads the accessibility tree, are played clean and
+under each of the nine. The scripts react to nothing: a page in front is closed by `tab_focus(0)`
+first. Each of the other tasks is begun clean and under one of the nine in turn, and waits for three
+steps: the corruption must be proved, and the validator must give 0. OUT.csv has a row an episode;
+rows that are there are not played again.
 """
 
 import collections
+import csv
 import sys
 import time
 from pathlib import Path
 
-import browsergym.miniwob  # noqa: F401
+import browsergym.miniwob  # noqa: F401  (registers the environments)
 import gymnasium
 import miniwob
 from browsergym.core.action.highlevel import HighLevelActionSet
 from playwright.sync_api import BrowserType
 
-from hijack_data import Subtitle
+from hijack_data import AccidentalTouch, AppMinimization, MultiApps, Subtitle
 from hijack_data.actions.pyautogui_functions import LIVE_FUNCTIONS
 from hijack_data.actions.pyautogui_grammar import read_calls
 from hijack_data.actions.python_source import ParsedSource
@@ -31,12 +35,15 @@ from online_env.browser.miniwob_oracles import ORACLES, ShownPage
 from online_env.browser.site import FolderSite
 from online_env.tasks import Hand
 
-TASKS = (
-    *("click-button", "click-button-sequence", "click-checkboxes", "click-collapsible"),
-    *("click-dialog", "click-link", "click-option", "click-tab", "click-test-2", "enter-password"),
-    *("enter-text", "focus-text", "login-user", "simple-arithmetic"),
-)
 SEED = 1
+WAITS = 3
+# Most tasks are over before step 3. With the default size, the subtitle does not fit into the page.
+PLANNERS = {
+    "subtitle": Subtitle(fit="shrink"),
+    "multi_apps": MultiApps(step=0),
+    "accidental_touch": AccidentalTouch(step=0),
+    "app_minimization": AppMinimization(step=0),
+}
 
 
 class Player(ShownPage):
@@ -58,7 +65,9 @@ class Player(ShownPage):
     def step(self, action):
         if not self.outcome[1]:
             _, reward, terminated, _, _ = self.env.step(action)
-            assert not self.env.unwrapped.last_action_error, self.env.unwrapped.last_action_error
+            error = self.env.unwrapped.last_action_error
+            if error:
+                raise HijackError(f"action failed: {error}")
             self.outcome = (float(reward), terminated)
 
     def run(self, code):
@@ -89,6 +98,7 @@ def use_chromium_of_the_system():
 
 
 def play(task, corruption, address):
+    """Return score and reason of an episode; the score of one that could not be played is ""."""
     env = gymnasium.make(
         f"browsergym/miniwob.{task}",
         task_kwargs={"base_url": address},
@@ -98,34 +108,88 @@ def play(task, corruption, address):
         action_mapping=HighLevelActionSet(subsets=["bid", "coord", "tab"]).to_python_code,
         disable_env_checker=True,
     )
-    # With the defaults, the text does not fit into the page.
-    env = corrupt(env, Subtitle(fit="shrink") if corruption == "subtitle" else corruption)
+    env = corrupt(env, PLANNERS.get(corruption, corruption))
     try:
         observation, _ = env.reset(seed=SEED)
+        if task not in ORACLES:
+            return wait(env)
         player = Player(env, observation)
-        ORACLES[task](player)
-        return f"{player.outcome[0]:g}"
     except HijackError as error:
-        return f"{type(error).__name__}: {str(error).splitlines()[0][:160]}"
-    except AssertionError as error:
-        return f"action failed: {str(error).splitlines()[0][:160]}"
+        return "", describe(error)
+    except Exception as error:  # noqa: BLE001  (a defect of ours, to be counted)
+        return "", f"FAILED: {describe(error)}"
+    else:
+        try:
+            ORACLES[task](player)
+        except (HijackError, ValueError, LookupError) as error:  # it finds nothing to act on
+            return player.outcome[0], describe(error)
+        except Exception as error:  # noqa: BLE001  (the same)
+            return "", f"FAILED: {describe(error)}"
+        return player.outcome[0], ""
     finally:
         env.close()
 
 
+def wait(env):
+    for _ in range(WAITS):
+        _, reward, terminated, _, _ = env.step("noop(10)")
+        if terminated:
+            return reward, "the validator ended it"
+    return reward, "waited"
+
+
+def describe(error):
+    return f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+
+
+def list_episodes():
+    names = sorted(
+        name.removeprefix("browsergym/miniwob.")
+        for name in gymnasium.registry
+        if name.startswith("browsergym/miniwob.")
+    )
+    nine = corruption_names()[:9]
+    others = [name for name in names if name not in ORACLES]
+    for corruption in (None, *nine):
+        yield from ((name, corruption) for name in names if name in ORACLES)
+    for number, name in enumerate(others):
+        yield from ((name, corruption) for corruption in (None, nine[number % len(nine)]))
+
+
 def main():
     use_chromium_of_the_system()
+    out, *chosen = sys.argv[1:]
+    out = Path(out)
+    rows = list(csv.DictReader(out.open())) if out.exists() else []
+    done = {(row["task"], row["condition"]) for row in rows}
     site = FolderSite("miniwob.test", Path(miniwob.__file__).parent / "html")
-    outcomes = collections.defaultdict(collections.Counter)
-    for corruption in (None, *corruption_names()[:9]):
-        for task in sys.argv[1:] or TASKS:
+    with out.open("a", newline="") as file:
+        writer = csv.DictWriter(file, ("task", "condition", "seed", "score", "reason", "seconds"))
+        if not rows:
+            writer.writeheader()
+        for task, corruption in list_episodes():
+            condition = corruption or "clean"
+            if (chosen and task not in chosen) or (task, condition) in done:
+                continue
             start = time.monotonic()
-            outcome = play(task, corruption, f"http://127.0.0.1:{site.port}/miniwob/")
-            outcomes[corruption][outcome] += 1
-            label = corruption or "clean"
-            print(f"{label} {task} {outcome} ({time.monotonic() - start:.1f} s)", flush=True)
-    for corruption, counts in outcomes.items():
-        print(corruption or "clean", dict(counts))
+            score, reason = play(task, corruption, f"http://127.0.0.1:{site.port}/miniwob/")
+            row = {
+                "task": task,
+                "condition": condition,
+                "seed": SEED,
+                "score": score,
+                "reason": reason,
+                "seconds": f"{time.monotonic() - start:.1f}",
+            }
+            rows.append({key: str(value) for key, value in row.items()})
+            writer.writerow(row)
+            file.flush()
+    counts = collections.defaultdict(collections.Counter)
+    for row in rows:
+        played = "played" if row["task"] in ORACLES else "begun"
+        counts[row["condition"]][f"{played} {row['score'] or row['reason'][:60]}"] += 1
+    for condition, outcomes in counts.items():
+        print(condition, dict(outcomes))
     site.close()
 
 

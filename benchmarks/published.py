@@ -6,7 +6,8 @@ plays what is missing of a run on the embedded desktop, then writes report.json 
 docs/results/NAME, the records of the episodes, without pictures, into docs/results/NAME/run, and
 the tables into an about.md that has places for them. So a run can be spread over days and machines:
 RUNS, by default runs/NAME, begins with the records that are there. Those of OSWorld's tasks stay in
-RUNS, since they hold its instructions. With --report-only N nothing is played, and the first N
+RUNS, since they hold its instructions, and those of MiniWoB++, since they name the user's copies of
+its pages. With --report-only N nothing is played, and the first N
 seeds are reported. Rates are for two cores.
 
     reference_agents    24 tasks, six agents, three seeds: 4,320 episodes, about ten hours
@@ -15,6 +16,8 @@ seeds are reported. Rates are for two cores.
     ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
+    miniwob             40 tasks of MiniWoB++, oracle, random and dom_agent.py under all but
+                        resolution, whose pastes are nodes of the page: 1,080 episodes
     osworld             10 tasks of OSWorld (--osworld TASKS) that an oracle of ours does in windows,
                         two agents: 200 episodes, about 40 minutes
 """
@@ -31,6 +34,7 @@ from common import hijack
 from matplotlib import rc_context
 from matplotlib.figure import Figure
 
+from hijack_data.corruption import corruption_names
 from online_env import tasks
 from online_env.osworld.solutions import SOLUTIONS
 from online_env.osworld.tasks import load
@@ -43,6 +47,10 @@ RESULTS = ROOT / "docs" / "results"
 AGENTS = "oracle,recovering,do_nothing,random,pixel,pixel_onlooker"
 OSWORLD = "osworld"
 ALL_TASKS = "all_tasks"
+MINIWOB = "miniwob"
+UNPUBLISHED = (OSWORLD, MINIWOB)  # whose records stay where they are
+DOM_AGENT = "benchmarks/dom_agent.py:DomAgent"
+LABELS = ("clean", *corruption_names()[:9])
 PLAYED = {
     "reference_agents": ("embedded_core", "--agent", AGENTS, "--seeds", "3"),
     ALL_TASKS: ("embedded", "--agent", "pixel"),
@@ -50,6 +58,10 @@ PLAYED = {
     "ablation_content": ("ablations/content", "--agent", "pixel"),
     "ablation_location": ("ablations/location", "--agent", "pixel"),
     "ablation_modules": ("ablations/modules",),
+    MINIWOB: (
+        *("miniwob", "--layer", "dom", "--agent", f"oracle,random,{DOM_AGENT}"),
+        *("--corruptions", ",".join(name for name in LABELS if name != "resolution")),
+    ),
     OSWORLD: ("embedded_small", "--agent", "oracle,do_nothing"),
 }
 RECORDED = ("run.json", "records.jsonl", "sessions.jsonl")  # what `hijack bench --resume` reads
@@ -82,7 +94,7 @@ def main() -> None:
             words += ["--desktops", str(options.desktops)]
         play(words, runs)
     result.mkdir(parents=True, exist_ok=True)
-    if name != OSWORLD:
+    if name not in UNPUBLISHED:
         copy_records(runs, result / "run")
     written = result / "report.json"
     written.unlink(missing_ok=True)

@@ -80,6 +80,9 @@ TABLES: Mapping[str, Mapping[str, Table]] = {
         "differences": lambda run: differences(run, "pixel"),
         "domains": lambda run: domains(run, "pixel"),
     },
+    "miniwob": {
+        "differences": lambda run: differences(run, "oracle", "benchmarks/dom_agent.py:DomAgent")
+    },
     "reference_agents": {"differences": lambda run: differences(run, "pixel", "pixel_onlooker")},
 }
 

@@ -19,7 +19,7 @@ from hijack_data.cli.options import (
 )
 
 from ..agents.options import agent_memory_option, guard_option, in_process_option
-from ..choices import ERROR_ORDERS, POLICIES
+from ..choices import ERROR_ORDERS, LAYERS, POLICIES
 from .machine_options import MORE, machine_options
 
 
@@ -33,6 +33,7 @@ from .machine_options import MORE, machine_options
         "environment_errors",
         "guard",
         "in_process",
+        "layer",
         "max_cost",
         "max_steps",
         "plans",
@@ -93,6 +94,11 @@ from .machine_options import MORE, machine_options
     "--environment-errors",
     type=click.Choice(ERROR_ORDERS),
     help="Cut the network before or after the task's pages are opened, instead of CONFIG's.",
+)
+@click.option(
+    "--layer",
+    type=click.Choice(LAYERS),
+    help="Who draws pop-ups, marks and subtitles: we on the picture, or a browser in its page.",
 )
 @machine_options
 @click.option(

@@ -332,6 +332,7 @@ def override(
     recovery: Recovery | None = None,
     environment_errors: ErrorOrder | None = None,
     max_steps: int | None = None,
+    layer: DrawingLayer | None = None,
 ) -> Bench:
     """Return the benchmark with the values of the command line.
 
@@ -345,6 +346,7 @@ def override(
         recovery: the recovery policy.
         environment_errors: when the network is cut that is down from the beginning.
         max_steps: actions until an episode is cut off.
+        layer: who draws what plans paste.
 
     Raises:
         UnknownNameError: There is no such name; the message has the closest one.
@@ -359,6 +361,8 @@ def override(
         bench = replace(bench, environment_errors=environment_errors)
     if max_steps is not None:
         bench = replace(bench, max_steps=max_steps)
+    if layer is not None:
+        bench = replace(bench, layer=layer)
     if agent is not None:
         bench = replace(bench, agents=_registered_names("--agent", agent, AGENTS))
     if task is not None:

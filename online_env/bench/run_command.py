@@ -15,7 +15,7 @@ from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
 from ..agents.guards import check_guard, find_guard
-from ..choices import ErrorOrder, Recovery
+from ..choices import DrawingLayer, ErrorOrder, Recovery
 from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
@@ -59,6 +59,7 @@ def run_command(
     max_steps: int | None,
     recovery: Recovery | None,
     environment_errors: ErrorOrder | None,
+    layer: DrawingLayer | None,
     osworld_files: str | None,
     vm: tuple[str, ...],
     machines: int,
@@ -96,6 +97,7 @@ def run_command(
         recovery,
         environment_errors,
         max_steps,
+        layer,
     )
     benchmark = replace(
         at_severities(benchmark, severities),

@@ -18,6 +18,7 @@ from hijack_data.types import BoxArray, Size, UInt8Array, as_boxes
 from ..effects.base import PASSWORD, EffectError
 from ..environment.live_effects import EpisodeEffects
 from ..environment.script import BEFORE, Script, find_planner
+from ..errors import MissingCapabilityError
 from .playwright_browser import PlaywrightBrowser
 
 APPS = ("chrome",)
@@ -75,7 +76,8 @@ def corrupt(
             benchmarks.
 
     Raises:
-        ParameterError: `env` is none of BrowserGym's.
+        MissingCapabilityError: A browser cannot have this corruption.
+        ParameterError: `env` is none of BrowserGym's, or the corruption changes the agent's input.
         UnknownNameError: There is no such corruption.
     """
     return CorruptedBrowserGym(
@@ -105,6 +107,8 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
             raise ParameterError(f"{type(base).__name__} is no environment of BrowserGym")
         if base.use_raw_page_output:
             raise ParameterError("use_raw_page_output gives the agent the page, not observations")
+        if planner is not None:
+            _check(planner)
         self._base = base
         self._planner = planner
         self._seed = seed
@@ -136,7 +140,6 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         """Begin an episode.
 
         Raises:
-            MissingCapabilityError: A browser cannot have this corruption.
             EffectError: The corruption has no meaning on this task; the message has the reason.
             ParameterError: The screen is too small for it.
         """
@@ -376,6 +379,26 @@ def _map_call(call: ast.Call, coords: CoordMap) -> None:
     call.keywords = [
         ast.keyword(word.arg, nodes.get(word.arg or "", word.value)) for word in call.keywords
     ]
+
+
+def _check(planner: Planner) -> None:
+    """Refuse a corruption that does nothing in BrowserGym.
+
+    Raises:
+        MissingCapabilityError: It has effects that a browser does not have.
+        ParameterError: It changes the agent's input.
+    """
+    if planner.inputs:
+        raise ParameterError(
+            f"{get_label(planner)} changes the agent's input, and BrowserGym sends that by its own"
+            " functions: play it by hijack bench"
+        )
+    unknown = sorted(set(planner.effects) - PlaywrightBrowser.effects.keys())
+    if unknown:
+        raise MissingCapabilityError(
+            f"{get_label(planner)} needs the effect {', '.join(unknown)}, which a browser does not"
+            " have: play it by hijack bench on a desktop"
+        )
 
 
 def _picture_size(observation: dict[str, Any]) -> Size:

@@ -24,8 +24,8 @@ _FETCH = (
     ".then(() => '', error => String(error))"
 )
 _ERROR_CODE = "document.querySelector('.error-code')?.textContent || 'error page'"
-_HIDDEN = "document.visibilityState === 'hidden'"
-_WALL = f"!!document.querySelector('form#{SIGN_IN} input[type=password]')"
+IS_HIDDEN = "document.visibilityState === 'hidden'"
+IS_WALL = f"!!document.querySelector('form#{SIGN_IN} input[type=password]')"
 # Counts, in our own world, the clicks that the browser itself delivered, and where the last was.
 _WATCH = """(() => { const seen = globalThis.clicks = []; addEventListener('click', event => {
 if (event.isTrusted) seen.push([event.clientX, event.clientY]); }, true); })()"""
@@ -62,7 +62,7 @@ class _Cover(LiveEffect):
         before = pages.get(record["before"])
         facts: EffectRecord = {
             "in_front": bool(pages) and browser.pages[-1].target == record["page"],
-            "hidden": before is not None and browser.examine(_HIDDEN, before) is True,
+            "hidden": before is not None and browser.examine(IS_HIDDEN, before) is True,
             "pages": len(pages),
         }
         problems = [
@@ -87,7 +87,7 @@ class _Cover(LiveEffect):
         if before is not None and before is not browser.front:
             browser.show(before)
         is_left = any(page.target == target for page in browser.pages)
-        visible = before is None or not browser.examine(_HIDDEN, before)
+        visible = before is None or not browser.examine(IS_HIDDEN, before)
         facts = {"closed": not is_left, "visible": visible}
         problem = "" if visible and not is_left else "the page of the task is still hidden"
         return Undone(not problem, facts, problem)
@@ -261,7 +261,7 @@ class EndSession(LiveEffect):
         facts = {
             "walled": browser.is_walled,
             "documents": browser.walled_documents,
-            "form": browser.examine(_WALL) is True,
+            "form": browser.examine(IS_WALL) is True,
         }
         problem = ""
         if not facts["walled"]:
@@ -276,9 +276,9 @@ class EndSession(LiveEffect):
         by = "force" if browser.is_walled else "was not up"
         browser.set_wall(None)
         for page in browser.pages:
-            if browser.examine(_WALL, page):
+            if browser.examine(IS_WALL, page):
                 browser.reload(page)
-        is_left = any(browser.examine(_WALL, page) for page in browser.pages)
+        is_left = any(browser.examine(IS_WALL, page) for page in browser.pages)
         return Undone(not is_left, {"by": by}, "the sign-in page still shows" if is_left else "")
 
 

@@ -24,7 +24,7 @@
   const make = (tag, [x, y, width, height]) => {
     const node = document.createElement(tag);
     node.style.cssText = `all: initial; direction: ltr; position: absolute; display: block; left: ${x}px; top: ${y}px;
-      width: ${width}px; height: ${height}px; forced-color-adjust: none; pointer-events: inherit`;
+      width: ${width}px; height: ${height}px; forced-color-adjust: none; pointer-events: inherit; user-select: none`;
     return node;
   };
   const addParts = (parent, parts, images) => {

@@ -18,10 +18,14 @@ from ..effects import find, perform
 from ..errors import DesktopError
 from .cdp_relay import CdpRelay
 from .desktop import BrowserDesktop
+from .effects import IS_HIDDEN, IS_WALL
 from .page_layer import PageLayer
 from .session import LOAD_TIMEOUT_S, BrowserPage
 
 LOOK_EVERY_S = 0.05
+HIDE_TIMEOUT_S = 3.0  # for a page to notice that another one is in front
+# The kinds of effects that a browser has while a client drives it.
+EFFECTS = frozenset({"launch_app", "minimise", "touch", "lock"})
 SAMPLE = "by hand"  # the key of the random draws
 _VIEW = "[innerHeight, innerWidth, devicePixelRatio]"
 _IS_DRAWN = "Boolean(globalThis.agenthijackLayer?.look().shown)"
@@ -50,8 +54,8 @@ class SharedBrowser(BrowserDesktop):
         port: Of the loopback interface; 0 for a free one.
 
     Raises:
-        ParameterError: The corruption resizes the picture or cuts the network, the port is in use,
-            or there is no display for windows.
+        ParameterError: A browser that a client drives cannot have the corruption, the port is in
+            use, or there is no display for windows.
         MissingPackageError: There is no Chromium, or it is too old.
         DesktopError: Chromium does not start.
     """
@@ -77,15 +81,7 @@ class SharedBrowser(BrowserDesktop):
         self._is_ready = threading.Event()
         self._documents: dict[str, _Document] = {}
         self._is_applied = False
-        if any(isinstance(op, Resample) for op in self._plan(size).ops):
-            raise ParameterError(
-                "the corruption resizes the picture, which no node of a page can do: leave it out"
-            )
-        if any(effect.kind == "firewall" for effect in self._plan(size).effects):
-            raise ParameterError(
-                "being offline is not proved while a client shares the browser: play network_error"
-                " by hijack bench, or have the client switch its network off"
-            )
+        self._check(self._plan(size))
         try:
             self._relay = CdpRelay(self._get_port, port)
         except OSError as error:
@@ -116,6 +112,21 @@ class SharedBrowser(BrowserDesktop):
             time.sleep(LOOK_EVERY_S)
         self.task_page = self.front
         self._is_ready.set()
+
+    def cover(self, app: str = "") -> BrowserPage:
+        """Open a page of ours in front, in the window of the page that the client sees."""
+        behind = self.front
+        info = self._devtools.call("Target.getTargetInfo", targetId=behind.target)["targetInfo"]
+        self._context = info.get("browserContextId", "")
+        try:
+            page = super().cover(app)
+        finally:
+            self._context = ""
+        self.show(page)
+        deadline = time.monotonic() + HIDE_TIMEOUT_S
+        while not self.examine(IS_HIDDEN, behind) and time.monotonic() < deadline:
+            time.sleep(LOOK_EVERY_S)
+        return page
 
     def close(self) -> None:
         """End Chromium, and stop listening."""
@@ -172,9 +183,35 @@ class SharedBrowser(BrowserDesktop):
         scene = Scene(size, boxes, ("chrome",))
         return self._planner.plan(scene, seed=self._seed, sample=SAMPLE)
 
+    @staticmethod
+    def _check(plan: Plan) -> None:
+        """Refuse what is not proved here.
+
+        Raises:
+            ParameterError: The message has the reason.
+        """
+        kinds = {effect.kind for effect in plan.effects}
+        reason = ""
+        if any(isinstance(op, Resample) for op in plan.ops):
+            reason = "it resizes the picture, which no node of a page can do"
+        elif plan.inputs:
+            reason = "it changes the agent's input, and the client sends its own"
+        elif "firewall" in kinds:
+            reason = (
+                "being offline is not proved while a client shares the browser: play network_error"
+                " by hijack bench, or have the client switch its network off"
+            )
+        elif kinds - EFFECTS:
+            reason = f"its effect {min(kinds - EFFECTS)} needs a desktop: play it by hijack bench"
+        if reason:
+            raise ParameterError(f"{plan.corruption}: {reason}")
+
     def _corrupt(self, page: BrowserPage) -> Iterator[str]:
         """Corrupt a page that has loaded, unless that was done."""
         if self._planner is None or not str(self.examine("location.href", page)).startswith("http"):
+            return
+        if self.is_walled and not self.examine(IS_WALL, page):
+            self.reload(page)  # the first document of a new tab comes before requests are caught
             return
         if self.examine(_IS_DRAWN, page):
             return

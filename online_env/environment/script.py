@@ -1,6 +1,6 @@
 """The script of an episode: one plan per step, computed from seed, task and screen only."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from hijack_data.corruption import make_corruption
@@ -178,6 +178,13 @@ class Script:
 
     def _check_capabilities(self, plans: list[Plan], desktop: Desktop) -> None:
         kinds = {effect.kind for plan in plans for effect in plan.effects}
+        desktop_effects: Mapping[str, object] = getattr(desktop, "effects", dict.fromkeys(kinds))
+        unknown = sorted(kinds - desktop_effects.keys())
+        if unknown:
+            raise MissingCapabilityError(
+                f"{get_label(self.planner)} needs the effect {', '.join(unknown)}, which"
+                f" {type(desktop).__name__} does not have: play it on a desktop, or leave it out"
+            )
         capabilities: set[Capability] = {
             capability for kind in kinds for capability in find(kind).needs
         }

@@ -12,8 +12,10 @@ import click
 
 from hijack_data import extras
 from hijack_data.cli.completion import complete
-from hijack_data.cli.options import BriefCommand, FiniteRange, seed_option
+from hijack_data.cli.options import BriefCommand, seed_option
 from hijack_data.cli.terminal import echo
+
+from ..serving.client_options import client_options
 
 MODULES = ("mcp", "starlette", "uvicorn", "gymnasium")
 DEFAULT_TASKS = {"embedded": "write_note", "browser": "miniwob/click-test-2.html"}
@@ -51,24 +53,12 @@ DEFAULT_SIZES = {"embedded": "1280x720", "browser": "960x720"}
 )
 @click.option("--no-tree", is_flag=True, help="Offer pictures only, without the tool `tree`.")
 @click.option("--tell-score", is_flag=True, help="Tell the client its score at the end.")
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    metavar="PORT",
-    help="Serve over HTTP, not over standard input and output; 0 takes a free port.",
-)
-@click.option(
-    "--host",
-    default="127.0.0.1",
-    show_default=True,
-    metavar="ADDRESS",
-    help="The address to listen at, with --port.",
-)
-@click.option(
-    "--token-file",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="What the client has to send, with --port.  [also: AGENTHIJACK_MCP_TOKEN]",
+@client_options(
+    port=None,
+    port_help="Serve over HTTP, not over standard input and output; 0 takes a free port.",
+    token="AGENTHIJACK_MCP_TOKEN",
+    lease_help="A client that is silent for so long has left.",
+    only=", with --port",
 )
 @click.option(
     "--name", default="mcp", show_default=True, metavar="NAME", help="The agent's name in the run."
@@ -82,14 +72,6 @@ DEFAULT_SIZES = {"embedded": "1280x720", "browser": "960x720"}
     help="Actions until the episode is cut off.",
 )
 @click.option("--size", metavar="WIDTHxHEIGHT", help="Of the screen.")
-@click.option(
-    "--lease",
-    type=FiniteRange(1, 86_400),
-    default=600,
-    show_default=True,
-    metavar="SECONDS",
-    help="A client that is silent for so long has left.",
-)
 def mcp(
     is_desktop: bool | None,
     task: str | None,

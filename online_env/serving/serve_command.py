@@ -21,6 +21,7 @@ from hijack_data.cli.options import (
 from hijack_data.cli.terminal import echo
 
 from ..bench.machine_options import MORE, machine_options
+from .client_options import client_options
 
 MODULES = ("openenv", "prometheus_client", "uvicorn", "gymnasium")
 OPENENV = "0.10"
@@ -78,26 +79,11 @@ OPENENV = "0.10"
     help="Actions until an episode is cut off, instead of CONFIG's.",
 )
 @click.option("--size", metavar="WIDTHxHEIGHT", help="Of the screens, instead of CONFIG's.")
-@click.option(
-    "--host",
-    default="127.0.0.1",
-    show_default=True,
-    metavar="ADDRESS",
-    help="The address to listen at.",
-)
-@click.option(
-    "--port",
-    type=click.IntRange(0, 65535),
-    default=8000,
-    show_default=True,
-    metavar="PORT",
-    help="Where to listen; 0 takes a free one.",
-)
-@click.option(
-    "--token-file",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="What clients have to send.  [also: AGENTHIJACK_SERVE_TOKEN]",
+@client_options(
+    port=8000,
+    port_help="Where to listen; 0 takes a free one.",
+    token="AGENTHIJACK_SERVE_TOKEN",
+    lease_help="A client that is silent for so long in mid-episode loses its desktop.",
 )
 @click.option(
     "--sessions",
@@ -118,14 +104,6 @@ OPENENV = "0.10"
     show_default=True,
     metavar="SECONDS",
     help="How long they wait at most; below the time-out of the clients.",
-)
-@click.option(
-    "--lease",
-    type=FiniteRange(1, 86_400),
-    default=600,
-    show_default=True,
-    metavar="SECONDS",
-    help="A client that is silent for so long in mid-episode loses its desktop.",
 )
 @click.option(
     "-o",

@@ -47,7 +47,7 @@ FILE_NAME = "file_name"
 # step.
 KNOWN = (FILE_NAME, *(name for name in FIELDS if name not in ("trajectory_id", "step", "image")))
 RECORDS = (
-    *(".json", ".jsonl", ".ndjson", ".parquet", ".csv", ".tsv", ".arrow", ".tfrecord"),
+    *(".json", ".jsonl", ".ndjson", ".parquet", ".csv", ".tsv", ".arrow", ".tfrecord", ".trace"),
     *(".tar", ".tgz", ".zip", ".7z", ".gz", ".xz", ".bz2", ".zst"),
 )
 

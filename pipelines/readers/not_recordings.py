@@ -46,6 +46,12 @@ _FILES: tuple[tuple[frozenset[str], str], ...] = tuple(
             "task image box gpt_output",
             "UGround's plans for OmniACT, whose actions name elements in words",
         ),
+        (
+            "type browserName wallTime options",
+            "a trace of Playwright: its screencast leaves pictures out (at most one in 200 ms), so"
+            " none is known to be what an action was taken on; save page.screenshot() before each"
+            " action, and write trajectories.jsonl (docs/input_format.md)",
+        ),
         ("task screenshots", "a task with screenshots (UI-Venus), which holds no action"),
     )
 )

@@ -98,6 +98,11 @@ def test_the_nodes_are_the_picture_and_the_tree_and_unseen_by_the_page(
     probe = browser.page_layer.probe(plan, picture)
     assert probe.ok, probe
     assert probe.facts["pixels"] > 1000
+    if html == PLAIN:
+        browser.evaluate("getSelection().selectAllChildren(document.documentElement)")
+        probe = browser.page_layer.probe(plan, browser.screenshot())
+        assert probe.ok, "the text of a node can be selected"
+        browser.evaluate("getSelection().empty()")
     difference = np.abs(picture.astype(int) - apply(plan, clean))
     assert difference.max() <= MAX_DIFFERENCE
     assert browser.evaluate(STATE) == state

@@ -23,6 +23,9 @@ from support import needs
 TIMEOUT_S = 20.0
 PAGE = "<!doctype html><title>Shop</title><p style='height: 90vh'>Shop<script>document.cookie = 'a=b'; localStorage.a = 'b'</script>"
 
+TOUCH = "<!doctype html><title>Shop</title><a href='#there'>There</a><script>clicks = 0; onclick = event => clicks += event.isTrusted</script>"
+IS_HIDDEN = "document.visibilityState === 'hidden'"
+
 
 class Client:
     """A DevTools client over a websocket, as Playwright's is."""
@@ -72,9 +75,16 @@ class Client:
             if first & 128:
                 return parts
 
-    def open(self, url: str) -> str:
+    def targets(self) -> list[dict[str, Any]]:
+        """Return what is known of all tabs."""
+        return self.call("Target.getTargets")["targetInfos"]
+
+    def open(self, url: str, **context: str) -> str:
         """Open a tab and return its session."""
-        target = self.call("Target.createTarget", url=url)["targetId"]
+        return self.attach(self.call("Target.createTarget", url=url, **context)["targetId"])
+
+    def attach(self, target: str) -> str:
+        """Return a session of a tab."""
         return self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
 
     def evaluate(self, session: str, expression: str) -> Any:
@@ -99,6 +109,7 @@ def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     needs.chromium()
     folder = tmp_path_factory.mktemp("site")
     (folder / "shop.html").write_text(PAGE)
+    (folder / "touch.html").write_text(TOUCH)
     site = FolderSite("127.0.0.1", folder)
     port = site.arguments[0].rpartition(":")[2].split(",")[0]
     yield f"http://127.0.0.1:{port}/shop.html"
@@ -136,7 +147,7 @@ def connect_after_restart(address: str) -> tuple[Client, list[Any]]:
     while True:
         client = Client(address)
         try:
-            targets = client.call("Target.getTargets")["targetInfos"]
+            targets = client.targets()
             cookies = client.call("Storage.getCookies")["cookies"]
             if not any("shop" in target["url"] for target in targets):
                 return client, cookies
@@ -162,6 +173,62 @@ def test_a_client_gets_nodes_in_every_page_and_leaves_nothing_when_it_vanishes(u
         session = second.open(url)
         wait_for(lambda: "OK" in second.names(session))
         second.close()
+
+
+@pytest.mark.parametrize("is_own_context", [False, True])
+@pytest.mark.parametrize("corruption", ["multi_apps", "app_minimization"])
+def test_a_page_in_front_hides_that_of_the_client_until_it_goes(
+    corruption: str, is_own_context: bool, url: str
+) -> None:
+    with (
+        browser_up("--corruption", corruption) as (address, process),
+        contextlib.closing(Client(address)) as client,
+    ):
+        context = {}
+        if is_own_context:
+            context = client.call("Target.createBrowserContext")
+        session = client.open(url, **context)
+
+        def find_covers() -> list[str]:
+            targets = client.targets()
+            return [each["targetId"] for each in targets if each["url"].startswith("data:")]
+
+        assert process.stderr is not None
+        assert '"hidden": true' in process.stderr.readline()
+        assert client.evaluate(session, IS_HIDDEN)
+        (cover,) = find_covers()
+        cover_session = client.attach(cover)
+        client.evaluate(cover_session, "document.querySelector('#panel button:last-child').click()")
+        wait_for(lambda: not client.evaluate(session, IS_HIDDEN))
+        client.call("Page.navigate", session, url=f"{url}?again")  # it comes once
+        time.sleep(0.5)
+        assert not client.evaluate(session, IS_HIDDEN)
+
+
+def test_a_touch_clicks_in_the_page_of_the_client(url: str) -> None:
+    with (
+        browser_up("--corruption", "accidental_touch") as (address, process),
+        contextlib.closing(Client(address)) as client,
+    ):
+        session = client.open(url.replace("shop", "touch"))
+        assert process.stderr is not None
+        assert '"delivered": true' in process.stderr.readline()
+        assert client.evaluate(session, "clicks + location.hash") == "1#there"
+
+
+def test_the_session_of_a_site_ends_until_the_password(url: str) -> None:
+    with (
+        browser_up("--corruption", "verification") as (address, process),
+        contextlib.closing(Client(address)) as client,
+    ):
+        session = client.open(url)
+        assert process.stderr is not None
+        assert '"form": true' in process.stderr.readline()
+        second = client.open(f"{url}?again")
+        wait_for(lambda: client.evaluate(second, "document.title") == "Sign in")
+        script = "document.querySelector('[type=password]').value = 'password'; document.forms[0].submit()"
+        client.evaluate(session, script)
+        wait_for(lambda: client.evaluate(session, "document.title") == "Shop")
 
 
 def test_playwright_drives_it(url: str) -> None:
@@ -220,6 +287,8 @@ def list_processes() -> str:
     [
         (["--corruption", "resolution"], "resizes the picture"),
         (["--corruption", "network_error"], "is not proved"),
+        (["--corruption", "slow_network"], "slow_link needs a desktop"),
+        (["--corruption", "missed_input"], "the client sends its own"),
         (["--corruption", "pop_upz"], "did you mean"),
         (["--set", "width=3"], "--set is for a corruption"),
         (["--size", "big"], "--size must be WIDTHxHEIGHT"),

@@ -23,6 +23,7 @@ from online_env.browser.browsergym import corrupt, map_code
 from online_env.browser.chromium import find_program
 from online_env.browser.site import FolderSite
 from online_env.effects.base import EffectError
+from online_env.errors import MissingCapabilityError
 
 PAGES = Path(miniwob.__file__).parent / "html"
 
@@ -179,6 +180,10 @@ def test_an_accidental_touch_clicks_an_element_of_the_page(make: Any) -> None:
 def test_what_has_no_meaning_is_refused_with_its_reason(make: Any) -> None:
     with pytest.raises(EffectError, match="lose their state"):
         make("verification").reset(seed=0)
+    with pytest.raises(ParameterError, match="BrowserGym sends that"):
+        make("missed_input")
+    with pytest.raises(MissingCapabilityError, match="the effect slow_link"):
+        make("slow_network")
     local = make("network_error", base_url=f"file://{PAGES}/miniwob/")
     with pytest.raises(EffectError, match="of no site"):
         local.reset(seed=0)

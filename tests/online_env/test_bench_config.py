@@ -119,11 +119,12 @@ def test_the_paper_s_protocol():
     assert len(bench.agents) == 10
     assert "agenthijack-agent" in bench.agents
     assert dict(bench.planners) == all_planners()
-    changed = override(bench, recovery="none", environment_errors="after_setup")
+    changed = override(bench, recovery="none", environment_errors="after_setup", layer="dom")
     assert changed.to_data() == {
         **bench.to_data(),
         "recovery": "none",
         "environment_errors": "after_setup",
+        "layer": "dom",
     }
 
 

@@ -194,6 +194,16 @@ def test_what_is_published_beside_recordings_is_refused_by_its_name(
     assert str(caught.value).startswith("a.json: is ")
 
 
+def test_a_trace_of_playwright_is_refused_with_its_pictures(tmp_path: Path) -> None:
+    # the first line of a trace of Playwright 1.65
+    head = '{"version":10,"type":"context-options","origin":"library","browserName":"chromium","options":{},"wallTime":1}'
+    (tmp_path / "trace.trace").write_text(head + '\n{"type":"before","callId":"call@7"}\n')
+    (tmp_path / "screencast").mkdir()
+    write_atomic(tmp_path / "screencast/a.png", encode_png(np.zeros((9, 16, 3), np.uint8)))
+    with pytest.raises(SourceError, match=r"a trace of Playwright.*page\.screenshot\(\)"):
+        survey(tmp_path)
+
+
 def test_several_sources(recording: Any, tmp_path: Path) -> None:
     result, two = recording("one"), recording("two")
     report = build([result, two], tmp_path / "out", corruptions={})
