@@ -2,9 +2,10 @@
 
 `python benchmarks/compare.py [--against COMMIT] [--factor 1.3] [SECTION ...]` compares RESULTS.md as
 it is now, after `make bench`, with that of the commit. A machine is never as fast as another, so it
-looks at ratios alone, which both runs took within themselves: cells such as `1.49x` or `+17.6 %`.
-Rows are matched by their section, their table, their first words and their column. Exit code 1 if
-something got worse by the factor.
+looks at ratios, which both runs took within themselves: cells such as `1.49x` or `+17.6 %`, and
+times (`min / median / max`: the least) over the time of the fixed work that the section names as
+the speed of its run. Rows are matched by their section, their table, their first words and their
+column. Exit code 1 if something got worse by the factor.
 """
 
 import argparse
@@ -19,6 +20,9 @@ from pathlib import Path
 RESULTS = Path(__file__).parent / "RESULTS.md"
 RATIO = re.compile(r"([0-9][0-9,]*(?:\.[0-9]+)?)x")
 SHARE = re.compile(r"([+-][0-9]+(?:\.[0-9]+)?) ?%")
+SPEED = re.compile(r"Speed of this run: ([0-9.]+) ms")
+TIMES = re.compile(r"([0-9]+(?:\.[0-9]+)?) / [0-9.]+ / [0-9.]+(?: (m?s))?")
+RATES = ("/s", "a second", "an hour")  # a column with this in its name holds no times
 # Columns whose ratio is how much faster we are than a peer: there, less is worse.
 MORE_IS_BETTER = ("peer / ours", "against Ray with 1", "ratio of rates")
 PEER_TABLES = ("Full rebuild", "Largest free rectangle")
@@ -101,10 +105,13 @@ def numbered(text: str) -> Iterator[Ratio]:
 def read_ratios(text: str) -> Iterator[Ratio]:
     """Yield the ratios of all tables."""
     section = before = ""
+    speed: float | None = None
     header: list[str] = []
     for line in text.splitlines():
         if line.startswith("## "):
-            section, before = line[3:], ""
+            section, before, speed = line[3:], "", None
+        if match := SPEED.match(line):
+            speed = float(match[1])
         if not line.startswith("|"):
             if line.strip():
                 before = re.split(r"[:.]", line)[0].strip("* `")
@@ -114,10 +121,12 @@ def read_ratios(text: str) -> Iterator[Ratio]:
         if not header:
             header = cells
         elif not set("".join(cells)) <= set("- :"):
-            yield from _row(section, before, header, cells)
+            yield from _row(section, before, header, cells, speed)
 
 
-def _row(section: str, before: str, header: list[str], cells: list[str]) -> Iterator[Ratio]:
+def _row(
+    section: str, before: str, header: list[str], cells: list[str], speed: float | None
+) -> Iterator[Ratio]:
     """Yield the ratios of one row; its name is its cells up to the first with a number."""
     if any(cell.startswith(OTHERS) for cell in cells[:2]):
         return
@@ -128,12 +137,23 @@ def _row(section: str, before: str, header: list[str], cells: list[str]) -> Iter
         names.append(cell)
     for column, cell in zip(header, cells, strict=False):
         value = _value(cell)
+        if value is None and speed is not None and not any(rate in column for rate in RATES):
+            value = _time(cell, speed)
         if value is None:
             continue
         is_peers = column in MORE_IS_BETTER or before.startswith(PEER_TABLES)
         if is_peers or section.startswith(PEER_TABLES):
             value = 1 / value
         yield Ratio((section, before, *names, column), value, cell)
+
+
+def _time(cell: str, speed: float) -> float | None:
+    """Return the least of the times of a cell over the speed of its run; `None` for other cells."""
+    match = TIMES.fullmatch(cell)
+    if match is None:
+        return None
+    milliseconds = float(match[1]) * (1000 if match[2] == "s" else 1)
+    return max(milliseconds / speed, 1e-9)
 
 
 def _value(cell: str) -> float | None:

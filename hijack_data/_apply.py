@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Sequence
+from math import prod
 from typing import Any, cast, overload
 
 import numpy as np
@@ -9,11 +10,14 @@ from PIL import ExifTags, Image
 
 from .backends import find_backend
 from .backends.base import check_keeps_size, count_pictures
+from .drawing.sprite import Sprite
 from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeError, short_repr
-from .kernels.stamps import check_drawings
-from .plan import Plan
+from .kernels.cpu.pixels import paste
+from .kernels.stamps import Stamp, check_drawings, plan_stamps
+from .plan import Paste, Plan
 from .types import Size, size_text
 
+PIXELS_PER_PART = 8000  # what a part of a PIL image costs beside its pixels
 _NO_PIL = "inplace=True: a PIL image cannot be written into; use the returned image"
 
 
@@ -160,11 +164,45 @@ def _apply_pil(plans: list[Plan], image: Image.Image, inplace: bool) -> Image.Im
         raise ParameterError(_NO_PIL)
     _check_upright(image)
     try:
-        pixels = np.asarray(image)
+        image.load()
     # Pillow decodes an opened file only now, and its decoders may raise any exception.
     except Exception as error:
         raise ImageError(f"the PIL image cannot be decoded: {error}") from error
-    return Image.fromarray(apply(plans[0] if len(plans) == 1 else plans, pixels))
+    plans = _plan_per_picture(plans, plans, 1)
+    _check_sizes(plans, (image.height, image.width))
+    (plan,) = plans
+    stamps = _small_stamps(plan)
+    if stamps is None:
+        return Image.fromarray(apply(plan, np.asarray(image)))
+    result = image.copy()
+    result.info = {}
+    for sprite, x, y in stamps:
+        height, width = sprite.size
+        part = np.array(result.crop((x, y, x + width, y + height)))
+        paste(part, [Stamp(sprite, _ZERO, _ZERO)])
+        result.paste(Image.fromarray(part), (x, y))
+    return result
+
+
+_ZERO = np.zeros(1, np.int32)
+
+
+def _small_stamps(plan: Plan) -> list[tuple[Sprite, int, int]] | None:
+    """Return what a plan pastes, sprites and corners, in order, if that is little.
+
+    Then it is drawn on parts of a PIL image, because converting a whole one to an array and back
+    takes many times as long. Otherwise, and if a plan resizes, the result is `None`.
+    """
+    if not all(isinstance(op, Paste) for op in plan.ops):
+        return None
+    stamps: list[tuple[Sprite, int, int]] = []
+    pixels = 0
+    for i in range(len(plan.ops)):
+        for stamp in plan_stamps(plan, i, plan.size):
+            pixels += len(stamp.xs) * (prod(stamp.sprite.size) + PIXELS_PER_PART)
+            corners = zip(stamp.xs.tolist(), stamp.ys.tolist(), strict=True)
+            stamps += [(stamp.sprite, x, y) for x, y in corners]
+    return stamps if 2 * pixels < prod(plan.size) else None
 
 
 def _check_upright(image: Image.Image) -> None:

@@ -16,7 +16,7 @@ is compiled any more. The bytes are those of `hijack_data.apply`. Outside `jax.j
 needed: `hijack_data.apply` takes JAX arrays.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from math import prod
 from typing import Any, cast
@@ -52,39 +52,45 @@ Pixels = tuple[_Array, _Array, _Array]  # flat positions [n], keep [n], paint [n
 @_jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Pastes:
-    """The paint between two resizes of a batch of `B` pictures: blocks, then layers of pixels.
+    """The paint of a batch between two resizes: blocks, then layers of pixels.
 
-    `top`, `left` int32 `[B, N]`, `colors` uint8 `[B, N, h, w, 3]`, `inside` int32 `[B, N, 4]`;
-    `index` int32 `[B, L, P]` into the canvas (its size means none), `keep` uint8 `[B, L, P, 1]`,
-    `paint` uint16 `[B, L, P, 3]`. `blocks` and `layers`, int32 `[B]`, are the numbers of them that
-    each picture has, so that no time is spent on others.
+    `top`, `left` int32 `[N]`, `colors` uint8 `[N, h, w, 3]`, `inside` int32 `[N, 4]`; `index` int32
+    `[L, P]` into the canvas (its size means none), `keep` uint8 `[L, P, 1]`, `paint` uint16 `[L, P,
+    3]`. `block_picture` `[N]` and `layer_picture` `[L]`, int32, say in which picture each lies. Of
+    both lists, the first `blocks` and `layers` (int32) are used.
     """
 
+    block_picture: Any
     top: Any
     left: Any
     colors: Any
     inside: Any
+    blocks: Any
+    layer_picture: Any
     index: Any
     keep: Any
     paint: Any
-    blocks: Any
     layers: Any
 
 
 @_jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Resizes:
-    """One resize of each picture of a batch.
+    """One resize of some pictures of a batch; the first `count` (int32) entries are used.
 
-    `kind` int32 `[B]` is 0 for none, 1 for rows first, 2 for columns first. The tables of the axis
-    `a` are int32 `[B, side, K]`: positions in the canvas and weights, 0 beyond the result.
+    `picture` int32 `[R]`, `columns_first` bool `[R]`, `size` (height, width) int32 `[R, 2]`. The
+    tables of each axis are int32 `[R, side, K]`: positions in the canvas and weights, 0 beyond the
+    result.
     """
 
-    kind: Any
+    picture: Any
+    columns_first: Any
+    size: Any
     index_y: Any
     taps_y: Any
     index_x: Any
     taps_x: Any
+    count: Any
 
 
 @_jax.tree_util.register_dataclass
@@ -92,11 +98,13 @@ class Resizes:
 class PlanArrays:
     """Plans of a batch as a pytree; `pastes` has one entry more than `resizes`.
 
-    `size`, the (height, width) of the pictures, and `canvas`, that of the working area, are static.
+    `count`, the number of pictures, `size`, their (height, width), and `canvas`, that of the
+    working area, are static.
     """
 
     pastes: tuple[Pastes, ...]
     resizes: tuple[Resizes, ...]
+    count: int = field(metadata={"static": True})
     size: Size = field(metadata={"static": True})
     canvas: Size = field(metadata={"static": True})
 
@@ -154,7 +162,7 @@ class Packer:
             self._resizes([sizes[i] if i < len(sizes) else None for _, sizes in staged], i, canvas)
             for i in range(count)
         )
-        return PlanArrays(pastes, resizes, self.size, canvas)
+        return PlanArrays(pastes, resizes, len(plans), self.size, canvas)
 
     def _check(self, plan: Plan, i: int) -> None:
         if not isinstance(cast(object, plan), Plan):
@@ -192,9 +200,9 @@ class Packer:
 
     def _pastes(self, stages: list[_Stage], number: int, canvas: Size) -> Pastes:
         name = f"stage {number}: "
-        count = len(stages)
-        sizes = [sprite.size for stage in stages for sprite, _, _ in stage.blocks]
-        blocks = self._bucket(f"{name}blocks", max(len(stage.blocks) for stage in stages))
+        listed = [(b, *block) for b, stage in enumerate(stages) for block in stage.blocks]
+        sizes = [sprite.size for _, sprite, _, _ in listed]
+        blocks = self._bucket(f"{name}blocks", len(listed))
         shape = [
             min(
                 side,
@@ -204,66 +212,58 @@ class Packer:
             )
             for axis, side in enumerate(canvas)
         ]
-        top = np.zeros((count, blocks), np.int32)
-        left = np.zeros((count, blocks), np.int32)
-        colors, inside = (
-            np.zeros((count, blocks, *shape, 3), np.uint8),
-            np.zeros((count, blocks, 4), np.int32),
-        )
-        for b, stage in enumerate(stages):
-            for n, (sprite, y, x) in enumerate(stage.blocks):
-                block = padded_block(sprite, y, x, canvas, (shape[0], shape[1]))
-                top[b, n], left[b, n], colors[b, n], inside[b, n] = block
-        counts = np.array([(len(stage.blocks), len(stage.layers)) for stage in stages], np.int32).T
+        picture, top, left = np.zeros((3, blocks), np.int32)
+        colors = np.zeros((blocks, *shape, 3), np.uint8)
+        inside = np.zeros((blocks, 4), np.int32)
+        for n, (b, sprite, y, x) in enumerate(listed):
+            picture[n] = b
+            block = padded_block(sprite, y, x, canvas, (shape[0], shape[1]))
+            top[n], left[n], colors[n], inside[n] = block
+        count = np.int32(len(listed))
         return Pastes(
-            top, left, colors, inside, *self._layers(stages, name, canvas), counts[0], counts[1]
+            picture, top, left, colors, inside, count, *self._layers(stages, name, canvas)
         )
 
-    def _layers(self, stages: list[_Stage], name: str, canvas: Size) -> Pixels:
-        layers = self._bucket(f"{name}layers", max(len(stage.layers) for stage in stages))
-        longest = max(
-            (sum(len(at) for at, _, _ in layer) for stage in stages for layer in stage.layers),
-            default=0,
-        )
-        shape = len(stages), layers, self._bucket(f"{name}pixels", longest, MIN_PADDED_PIXELS)
+    def _layers(self, stages: list[_Stage], name: str, canvas: Size) -> tuple[Any, ...]:
+        listed = [(b, layer) for b, stage in enumerate(stages) for layer in stage.layers]
+        layers = self._bucket(f"{name}layers", len(listed))
+        longest = max((sum(len(at) for at, _, _ in layer) for _, layer in listed), default=0)
+        shape = layers, self._bucket(f"{name}pixels", longest, MIN_PADDED_PIXELS)
+        picture = np.zeros(layers, np.int32)
         index = np.full(shape, canvas[0] * canvas[1], np.int32)
         keep = np.zeros((*shape, 1), np.uint8)
         paint = np.zeros((*shape, 3), np.uint16)
-        for b, stage in enumerate(stages):
-            for n, layer in enumerate(stage.layers):
-                at, coverage, painted = (
-                    np.concatenate(parts) for parts in zip(*layer, strict=True)
-                )
-                index[b, n, : len(at)], keep[b, n, : len(at), 0], paint[b, n, : len(at)] = (
-                    at,
-                    coverage,
-                    painted,
-                )
-        return index, keep, paint
+        for n, (b, layer) in enumerate(listed):
+            at, coverage, painted = (np.concatenate(parts) for parts in zip(*layer, strict=True))
+            picture[n] = b
+            index[n, : len(at)] = at
+            keep[n, : len(at), 0] = coverage
+            paint[n, : len(at)] = painted
+        return picture, index, keep, paint, np.int32(len(listed))
 
     def _resizes(self, sizes: list[tuple[Size, Size] | None], number: int, canvas: Size) -> Resizes:
-        kind = np.array(
-            [0 if pair is None else 1 + resample.columns_first(*pair) for pair in sizes], np.int32
-        )
+        listed = [(b, *pair) for b, pair in enumerate(sizes) if pair is not None]
+        count = self._bucket(f"resize {number}", len(listed))
+        picture = np.zeros(count, np.int32)
+        columns_first = np.zeros(count, np.bool_)
+        sides = np.zeros((count, 2), np.int32)
+        for n, (b, source, size) in enumerate(listed):
+            picture[n] = b
+            sides[n] = size
+            columns_first[n] = resample.columns_first(source, size)
         tables: list[_Array] = []
         for axis, side in enumerate(canvas):
-            weight_tables = [
-                None if pair is None else weights(pair[0][axis], pair[1][axis]) for pair in sizes
-            ]
-            largest = max(
-                (table.taps.shape[1] for table in weight_tables if table is not None), default=0
-            )
+            weight_tables = [weights(source[axis], size[axis]) for _, source, size in listed]
+            largest = max((table.taps.shape[1] for table in weight_tables), default=0)
             width = self._bucket(f"resize {number}: {axis}", largest)
-            index, taps = (
-                np.zeros((len(sizes), side, width), np.int32),
-                np.zeros((len(sizes), side, width), np.int32),
-            )
-            for b, table in enumerate(weight_tables):
-                if table is not None:
-                    rows, n = table.taps.shape
-                    index[b, :rows, :n], taps[b, :rows, :n] = table.index, table.taps
+            index = np.zeros((count, side, width), np.int32)
+            taps = np.zeros((count, side, width), np.int32)
+            for n, table in enumerate(weight_tables):
+                rows, k = table.taps.shape
+                index[n, :rows, :k] = table.index
+                taps[n, :rows, :k] = table.taps
             tables += [index, taps]
-        return Resizes(kind, *tables)
+        return Resizes(picture, columns_first, sides, *tables, np.int32(len(listed)))
 
 
 def _stages(plan: Plan, width: int) -> tuple[list[_Stage], list[tuple[Size, Size]]]:
@@ -336,18 +336,22 @@ def _add(layers: list[list[Pixels]], part: Pixels) -> None:
 def apply_arrays(plans: PlanArrays, images: Any) -> Any:
     """Apply one packed plan to each of uint8 `[B, H, W, 3]`; a pure function, for use in `jax.jit`.
 
-    Pictures are processed one after the other (`jax.lax.map`), so that only resized pictures cost
-    the time of a resize. Donate `images` to your program if you don't need them any more. Raises
+    What changes is written into a copy of the batch, so that only resized pictures cost the time of
+    a resize. Donate `images` to your program if you don't need them any more. Raises
     `ImageTypeError` and `ImageError` for pictures whose dtype, size or number does not match the
     plans, and `ParameterTypeError` for plans that are not packed.
     """
     _check_images(plans, images)
+    plans = _jax.tree.map(jnp.asarray, plans)
+    height, width = plans.size
+    beyond = plans.canvas[0] - height, plans.canvas[1] - width
+    batch = jnp.pad(images, ((0, 0), (0, beyond[0]), (0, beyond[1]), (0, 0)))
 
-    def one(arrays: tuple[Any, Any, Any]) -> Any:
-        pastes, resizes, image = arrays
-        return _apply_one(pastes, resizes, image, plans.canvas)
-
-    return _jax.lax.map(one, (plans.pastes, plans.resizes, images))
+    for number, stage in enumerate(plans.pastes):
+        if number:
+            batch = _resize(plans.resizes[number - 1], batch)
+        batch = _paint(stage, batch)
+    return batch[:, :height, :width]
 
 
 def _check_images(plans: PlanArrays, images: Any) -> None:
@@ -358,7 +362,7 @@ def _check_images(plans: PlanArrays, images: Any) -> None:
     if backend.name == "torch":
         raise ImageTypeError("apply_arrays takes JAX arrays, got a tensor; use hijack_data.apply")
     backend.check(images)
-    count = plans.pastes[0].blocks.shape[0]
+    count = plans.count
     expected = (count, *plans.size, 3)
     if tuple(images.shape) != expected:
         packed_shape = (
@@ -370,37 +374,43 @@ def _check_images(plans: PlanArrays, images: Any) -> None:
         )
 
 
-def _apply_one(
-    pastes: tuple[Pastes, ...], resizes: tuple[Resizes, ...], image: Any, canvas: Size
-) -> Any:
-    height, width = image.shape[:2]
-    if canvas != (height, width):
-        image = jnp.pad(image, ((0, canvas[0] - height), (0, canvas[1] - width), (0, 0)))
-    for number, stage in enumerate(pastes):
-        if number:
-            image = _resize(resizes[number - 1], image)
-        for n in range(stage.top.shape[0]):
-            block = stage.top[n], stage.left[n], stage.colors[n], stage.inside[n]
-            image = _jax.lax.cond(n < stage.blocks, blend_block, _unchanged, image, *block)
-        for n in range(stage.index.shape[0]):
-            pixels = stage.index[n], stage.keep[n], stage.paint[n]
-            image = _jax.lax.cond(n < stage.layers, blend_pixels, _unchanged, image, *pixels)
-    return image[:height, :width]
+def _paint(stage: Pastes, batch: Any) -> Any:
+    """Return a batch with the paint of a stage."""
+
+    def block(n: Any, batch: Any) -> Any:
+        arrays = (stage.block_picture, stage.top, stage.left, stage.colors, stage.inside)
+        return blend_block(batch, *(array[n] for array in arrays))
+
+    def layer(n: Any, batch: Any) -> Any:
+        arrays = (stage.layer_picture, stage.index, stage.keep, stage.paint)
+        return blend_pixels(batch, *(array[n] for array in arrays))
+
+    batch = _repeat(stage.block_picture, stage.blocks, block, batch)
+    return _repeat(stage.layer_picture, stage.layers, layer, batch)
 
 
-def _unchanged(image: Any, *_: Any) -> Any:
-    return image
+def _resize(table: Resizes, batch: Any) -> Any:
+    """Return a batch in which some pictures are resized."""
+    passes = ((table.index_y, table.taps_y), (table.index_x, table.taps_x))
+
+    def resized(n: Any, batch: Any) -> Any:
+        def along(*axes: int) -> Callable[[Any], Any]:
+            def run(image: Any) -> Any:
+                for axis in axes:
+                    index, taps = passes[axis]
+                    image = resize_pass(image, index[n], taps[n], table.size[n, axis], axis)
+                return image
+
+            return run
+
+        b = table.picture[n]
+        image = _jax.lax.cond(table.columns_first[n], along(0, 1), along(1, 0), batch[b])
+        return batch.at[b].set(image)
+
+    return _repeat(table.picture, table.count, resized, batch)
 
 
-def _resize(table: Resizes, image: Any) -> Any:
-    def rows_first(image: Any) -> Any:
-        return resize_pass(
-            resize_pass(image, table.index_x, table.taps_x, 1), table.index_y, table.taps_y, 0
-        )
-
-    def columns_first(image: Any) -> Any:
-        return resize_pass(
-            resize_pass(image, table.index_y, table.taps_y, 0), table.index_x, table.taps_x, 1
-        )
-
-    return _jax.lax.switch(table.kind, [_unchanged, rows_first, columns_first], image)
+def _repeat(entries: Any, count: Any, change: Callable[[Any, Any], Any], batch: Any) -> Any:
+    """Return a batch changed by the first `count` entries of a list, in their order."""
+    # an empty list cannot be indexed, not even in a loop that never runs
+    return _jax.lax.fori_loop(0, count, change, batch) if len(entries) else batch

@@ -3,8 +3,12 @@
 import math
 import reprlib
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from numbers import Real
 from typing import Any, TypeAlias, cast
+
+import numpy as np
+import numpy.typing as npt
 
 from ..errors import ElementsError
 from ..types import Size, are_fractions, as_boxes, as_size
@@ -18,6 +22,8 @@ NAME_KEYS = ("name", "text", "label")
 ROLE_KEYS = ("role", "type")
 # Annotated fractions may overshoot the edge of the screen a little; larger numbers must be pixels.
 OVERSHOOT = 0.01
+LARGEST = 2**29  # within this limit, the sum of two numbers still fits into a box
+_NUMBERS = {int, float}
 
 _Dict: TypeAlias = Mapping[str, Any]
 
@@ -43,6 +49,9 @@ def boxes_from_labels(data: object, normalized: bool = False, size: Size | None 
     """
     screen = None if size is None else as_size(size)
     items = _list(data)
+    plain = None if normalized else _plain_boxes(items)
+    if plain is not None:
+        return Elements(as_boxes(plain, "labels"), ("",) * len(plain), ("",) * len(plain), "labels")
     rows = [_label(item, f"labels[{i}]", normalized, screen) for i, item in enumerate(items)]
     names = tuple(_text(item, NAME_KEYS) for item in items)
     roles = tuple(_text(item, ROLE_KEYS) for item in items)
@@ -58,6 +67,27 @@ def _list(data: object) -> Sequence[object]:
     keys = ", ".join(LIST_KEYS)
     rule = f"labels must be a list of boxes, or a dictionary with one under {keys}"
     return _sequence(cast("object", data), rule)
+
+
+def _plain_boxes(items: Sequence[object]) -> npt.NDArray[np.float64] | None:
+    """Return labels that are all lists of four pixels, `[N, 4]`, checked at once.
+
+    It takes a tenth of the time of looking at each. `None` for labels of any other form, and for
+    wrong ones, whose error names the index and the number.
+    """
+    if set(map(type, items)) != {list}:
+        return None
+    lists = cast("Sequence[list[object]]", items)
+    if set(map(len, lists)) != {4} or not set(map(type, chain.from_iterable(lists))) <= _NUMBERS:
+        return None
+    try:
+        rows = np.array(lists, np.float64)
+    except OverflowError:
+        return None
+    in_range = bool((np.abs(rows) <= LARGEST).all())  # false for NaN, too
+    maybe_fractions = bool((rows <= 1).all(axis=1).any())
+    ends_late = bool((rows[:, 2:] >= rows[:, :2]).all())
+    return rows if in_range and ends_late and not maybe_fractions else None
 
 
 def _sequence(value: object, rule: str) -> Sequence[object]:
@@ -141,8 +171,7 @@ def _number(value: object, field: str) -> float:
         number = float(value)
     except OverflowError:
         number = math.inf
-    # False for NaN too; within this limit, the sum of two numbers still fits into a box.
-    if not abs(number) <= 2**29:
+    if not abs(number) <= LARGEST:  # false for NaN, too
         raise ElementsError(
             f"{field} must be a number of pixels within 2**29, got {_short(number)}"
         )

@@ -9,6 +9,7 @@ to powers of two, so that a new text or size does not cause a new compilation: f
 picture copies it; later ones write into that copy (donation).
 """
 
+from collections.abc import Callable
 from typing import Any, TypeAlias, cast
 
 import jax
@@ -27,6 +28,7 @@ StampedPixels: TypeAlias = tuple[npt.NDArray[Any], npt.NDArray[Any], npt.NDArray
 # the smallest side of a padded block, the smallest padded number of pixels
 MIN_BLOCK_SIDE = 128
 MIN_PADDED_PIXELS = 4096
+RESIZE_BLOCK_ROWS = 64
 _jax: Any = jax  # JAX leaves many types unknown
 
 
@@ -97,14 +99,18 @@ def padded_block(
     return np.int32(top), np.int32(left), colors, inside
 
 
-def blend_block(image: Any, top: Any, left: Any, colors: Any, inside: Any) -> Any:
-    """Return the picture with the colours inside `(y1, x1, y2, x2)` of a window at `top, left`."""
-    window = (*colors.shape[:2], 1)
-    y = _jax.lax.broadcasted_iota(jnp.int32, window, 0)
-    x = _jax.lax.broadcasted_iota(jnp.int32, window, 1)
+def blend_block(batch: Any, b: Any, top: Any, left: Any, colors: Any, inside: Any) -> Any:
+    """Return a batch, in whose picture `b` a window at `top, left` has new colours.
+
+    They are those inside `(y1, x1, y2, x2)` of the window.
+    """
+    window = (1, *colors.shape[:2], 1)
+    y = _jax.lax.broadcasted_iota(jnp.int32, window, 1)
+    x = _jax.lax.broadcasted_iota(jnp.int32, window, 2)
     mask = (y >= inside[0]) & (x >= inside[1]) & (y < inside[2]) & (x < inside[3])
-    below = jax.lax.dynamic_slice(image, (top, left, 0), colors.shape)
-    return jax.lax.dynamic_update_slice(image, jnp.where(mask, colors, below), (top, left, 0))
+    place = (b, top, left, 0)
+    below = jax.lax.dynamic_slice(batch, place, (1, *colors.shape))
+    return jax.lax.dynamic_update_slice(batch, jnp.where(mask, colors[None], below), place)
 
 
 def stamped_pixels(sprite: Sprite, ys: Int32Array, xs: Int32Array, width: int) -> StampedPixels:
@@ -135,19 +141,28 @@ def _padded_pixels(
     return index, keeps, paints
 
 
-def blend_pixels(image: Any, index: Any, keep: Any, paint: Any) -> Any:
-    """Blend single pixels, each at most once; positions beyond the picture are left out."""
-    flat = image.reshape(-1, 3)
-    below = flat.at[index].get(mode="fill", fill_value=0).astype(jnp.int32)
+def blend_pixels(batch: Any, b: Any, index: Any, keep: Any, paint: Any) -> Any:
+    """Blend single pixels of picture `b`, each at most once; positions beyond it are left out."""
+    flat = batch.reshape(len(batch), -1, 3)
+    below = flat.at[b, index].get(mode="fill", fill_value=0).astype(jnp.int32)
     total = below * keep.astype(jnp.int32) + paint.astype(jnp.int32) + 128
     value = ((total + (total >> 8)) >> 8).astype(jnp.uint8)
-    return flat.at[index].set(value, mode="drop").reshape(image.shape)
+    return flat.at[b, index].set(value, mode="drop").reshape(batch.shape)
 
 
-_paste_block = _jax.jit(blend_block)
-_paste_block_into = _jax.jit(blend_block, donate_argnums=0)
-_paste_pixels = _jax.jit(blend_pixels)
-_paste_pixels_into = _jax.jit(blend_pixels, donate_argnums=0)
+def _on_one(blend: Callable[..., Any], **options: Any) -> Any:
+    """Compile a function of a batch for one picture."""
+
+    def blend_one(image: Any, *arrays: Any) -> Any:
+        return blend(image[None], 0, *arrays)[0]
+
+    return _jax.jit(blend_one, **options)
+
+
+_paste_block = _on_one(blend_block)
+_paste_block_into = _on_one(blend_block, donate_argnums=0)
+_paste_pixels = _on_one(blend_pixels)
+_paste_pixels_into = _on_one(blend_pixels, donate_argnums=0)
 
 
 def resample(image: Any, size: Size) -> Any:
@@ -157,18 +172,38 @@ def resample(image: Any, size: Size) -> Any:
     for axis in axes:
         if image.shape[axis] != size[axis]:
             table = weights(image.shape[axis], size[axis])
-            image = _resize_pass(image, table.index, table.taps, axis=axis)
+            image = _resize_pass(image, table.index, table.taps, np.int32(size[axis]), axis=axis)
     return image
 
 
-def resize_pass(image: Any, index: Any, taps: Any, axis: int) -> Any:
-    """Make one pass along `axis`: multiply-add in int32, shift, clip."""
-    shape = (1, -1, 1) if axis == 1 else (-1, 1, 1)
-    total = jnp.int32(1 << (PRECISION_BITS - 1))
-    for k in range(taps.shape[1]):
-        values = jnp.take(image, index[:, k], axis=axis).astype(jnp.int32)
-        total = total + values * taps[:, k].reshape(shape)
-    return jnp.clip(total >> PRECISION_BITS, 0, 255).astype(jnp.uint8)
+def resize_pass(image: Any, index: Any, taps: Any, rows: Any, axis: int) -> Any:
+    """Make one pass along `axis`: multiply-add in int32, shift, clip.
+
+    The result has as many lines as the tables, of which the first `rows` (int32) are computed, in
+    blocks. Two things are for XLA's CPU code: the lines that are added up are contiguous, because
+    single pixels are not picked in vectors, and the loop keeps XLA from computing the pass before
+    anew for every tap.
+    """
+    if axis == 1:
+        return resize_pass(image.swapaxes(0, 1), index, taps, rows, 0).swapaxes(0, 1)
+    lines = image.reshape(len(image), -1)
+    side, count = taps.shape
+    height = min(side, RESIZE_BLOCK_ROWS)
+
+    def block(n: Any, out: Any) -> Any:
+        top = jnp.minimum(n * height, side - height)  # the last block overlaps the one before
+        at = _jax.lax.dynamic_slice_in_dim(index, top, height)
+        weight = _jax.lax.dynamic_slice_in_dim(taps, top, height)
+        total = jnp.int32(1 << (PRECISION_BITS - 1))
+        for k in range(count):
+            values = jnp.take(lines, at[:, k], axis=0, mode="clip").astype(jnp.int32)
+            total = total + values * weight[:, k, None]
+        result = jnp.clip(total >> PRECISION_BITS, 0, 255).astype(jnp.uint8)
+        return _jax.lax.dynamic_update_slice_in_dim(out, result, top, 0)
+
+    out: Any = jnp.zeros((side, lines.shape[1]), jnp.uint8)  # pyright: ignore[reportUnknownMemberType]
+    blocks = (rows + height - 1) // height
+    return _jax.lax.fori_loop(0, blocks, block, out).reshape(side, *image.shape[1:])
 
 
 _resize_pass = _jax.jit(resize_pass, static_argnames="axis")

@@ -19,7 +19,7 @@ from hijack_data.locking import Lock, LockedError, lock
 from ..dataset.manifest import FILES, MANIFEST, PARAMETERS, STATE, read_manifest
 from ..dataset.shard import ShardRecord, file_sha256, record_from
 from ..errors import OVERWRITE, RESUME, BuildError, DatasetError
-from .shards import DATA, ShardTask, inputs_hash
+from .shards import DATA, ShardTask, inputs_hash, picture_stamps
 from .splits import NAMES
 
 
@@ -83,7 +83,7 @@ class OutFolder:
         """Return the record of a shard that an earlier run finished, or `None`.
 
         It is kept if it has the same records and the same pictures, byte for byte, and its file is
-        undamaged.
+        undamaged. Pictures whose files were not written to since they were read are not read again.
         """
         record = self._records.get(task.index)
         if record is None or record.file != task.file or record.records != task.records:
@@ -91,11 +91,14 @@ class OutFolder:
         file = self.path / task.file
         if not file.is_file() or file_sha256(file) != record.sha256:
             return None
+        if record.stamps and record.stamps == picture_stamps(task):
+            return record
         return record if inputs_hash(task) == record.inputs else None
 
     def save(self, record: ShardRecord) -> None:
         """Record that a shard is finished."""
-        write_atomic(self.state / f"{record.index:05d}.json", json.dumps(record.to_data()))
+        data = {**record.to_data(), "stamps": record.stamps}
+        write_atomic(self.state / f"{record.index:05d}.json", json.dumps(data))
 
     def finish(self, shards: Iterable[ShardRecord]) -> None:
         """Remove the shards of other builds, and the state of this one."""

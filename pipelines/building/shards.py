@@ -6,6 +6,7 @@ A shard depends on its trajectories and the settings alone, so every worker writ
 import hashlib
 import json
 import os
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, is_dataclass
@@ -26,6 +27,7 @@ from .splits import TRAIN, Splits
 from .step_rows import RowCounts, RowSettings, make_rows
 
 DATA = "data"
+RECENT_NS = 3_000_000_000  # file systems count in up to 2 s
 
 
 @dataclass(frozen=True)
@@ -149,6 +151,7 @@ def build_shard(
         tick: called with the number of rows of each step when it is done.
     """
     tally = RowCounts()
+    stamps = picture_stamps(task)  # before any picture is read, so that a later change shows
     inputs = hashlib.sha256(task.records.encode())
     file_facts: list[tuple[int, int, str]] = []
 
@@ -177,6 +180,7 @@ def build_shard(
         },
         rejected=tuple(record.to_data() for record in tally.rejected),
         samples=_sample_keys(task),
+        stamps=stamps,
     )
 
 
@@ -187,6 +191,27 @@ def _sample_keys(task: ShardTask) -> dict[str, str]:
         if trajectory.sample is not None and trajectory.sample != trajectory.id:
             keys[trajectory.id] = trajectory.sample
     return keys
+
+
+def picture_stamps(task: ShardTask) -> str:
+    """Return a hash of size, times and inode of every picture file of a shard, or `""`.
+
+    The kernel sets a file's change time at each write, and no program can set it, so the same hash
+    means the same bytes. It is `""` if that is not certain: a file cannot be looked at, or was
+    changed so recently that another change might leave the same time.
+    """
+    digest = hashlib.sha256()
+    newest = 0
+    for trajectory in task.trajectories:
+        for step in trajectory:
+            try:
+                stat = os.stat(picture_file(step.image))
+            except (OSError, ValueError):
+                return ""
+            newest = max(newest, stat.st_ctime_ns)
+            stamp = (stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino)
+            digest.update(repr(stamp).encode())
+    return "" if newest > time.time_ns() - RECENT_NS else digest.hexdigest()
 
 
 def inputs_hash(task: ShardTask) -> str:

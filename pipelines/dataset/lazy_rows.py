@@ -40,7 +40,7 @@ def stored_plan(
 
     Args:
         plan: the plan of the row.
-        row: its `params`, `seed`, `trajectory_id` and `step`.
+        row: its `params`, `seed`, `trajectory_id` and `step`, and the whole `plan`.
         sample: the key of the random draws, if that is not the trajectory.
         planner: the planner that made the plan.
     """
@@ -52,8 +52,8 @@ def stored_plan(
         derived = _plan_from_recipe(recipe, row, plan.size)
     # A plan of several corruptions, or of a plug-in's planner: no recipe can express it.
     except HijackError:
-        return plan.to_json()
-    return recipe if derived == plan else plan.to_json()
+        return row["plan"]
+    return recipe if derived == plan else row["plan"]
 
 
 def row_plan(row: Mapping[str, Any], size: Size) -> Plan:

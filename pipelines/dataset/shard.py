@@ -23,6 +23,8 @@ class ShardRecord:
         counts: rows, dropped and not applicable samples, by label.
         rejected: inputs that were rejected while the rows were made.
         samples: the key of random draws by trajectory, if that is not the trajectory itself.
+        stamps: see `pipelines.building.shards.picture_stamps`; no part of the manifest, because it
+            is different for a copy of the source.
     """
 
     index: int
@@ -37,10 +39,13 @@ class ShardRecord:
     counts: dict[str, Any]
     rejected: tuple[dict[str, str], ...] = ()
     samples: dict[str, str] = field(default_factory=dict[str, str])
+    stamps: str = ""
 
     def to_data(self) -> dict[str, Any]:
-        """Return the record as JSON data."""
-        return {**asdict(self), "rejected": list(self.rejected)}
+        """Return the record as JSON data, as the manifest has it: without the stamps."""
+        data = {**asdict(self), "rejected": list(self.rejected)}
+        del data["stamps"]
+        return data
 
 
 def record_from(data: dict[str, Any]) -> ShardRecord:

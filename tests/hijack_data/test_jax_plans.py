@@ -153,7 +153,7 @@ def test_plans_that_need_too_much_memory_are_refused(monkeypatch):
         with pytest.raises(ParameterError, match="test-v1 paints too many pixels"):
             packer.pack([large])
     small = Plan("test-v1", SIZE, ops=(Paste(window, ((1, 1),) * 20),))
-    blocks = packer.pack([small]).pastes[0].colors.shape[1]
+    blocks = packer.pack([small]).pastes[0].colors.shape[0]
     assert blocks == 32, "a plan that was refused left its mark"
 
 

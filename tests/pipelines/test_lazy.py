@@ -316,6 +316,7 @@ def test_recipes_give_back_the_plan(
         "seed": seed,
         "trajectory_id": sample,
         "step": step,
+        "plan": plan.to_json(),
     }
     recipe = stored_plan(plan, row)
     assert len(recipe) < 80

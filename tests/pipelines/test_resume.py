@@ -18,6 +18,7 @@ from PIL import Image
 
 import hijack_data as hj
 from pipelines import build, open_dataset, verify
+from pipelines.building import output_folder, shards
 from pipelines.errors import BuildError, DatasetError
 
 from support.killing import Killer, killer
@@ -389,3 +390,41 @@ def test_a_killed_build_mixes_nothing_with_pictures_that_changed(
     assert report.kept == count - 1
     build(bitmaps, tmp_path / "fresh", corruptions=planners, rows_per_shard=9)
     assert contents(out) == contents(tmp_path / "fresh")
+
+
+def test_pictures_are_read_again_only_if_their_files_were_written_to(
+    recording: Any, planners: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(shards, "RECENT_NS", 0)
+    source = recording(trajectories=3, steps=2)
+    picture = sorted(source.rglob("*.png"))[0]
+    with Image.open(picture) as image:
+        size = image.size
+    Image.new("RGB", size, "red").save(picture, compress_level=0)
+    before = picture.stat()
+
+    def stop(done: int, total: int, text: str) -> None:
+        if done == 5:
+            raise KeyboardInterrupt
+
+    def interrupted(out: Path) -> Path:
+        with pytest.raises(KeyboardInterrupt):
+            build(source, out, corruptions=planners, rows_per_shard=6, progress=stop)
+        return out
+
+    first, second = interrupted(tmp_path / "first"), interrupted(tmp_path / "second")
+    hashed: list[int] = []
+
+    def spy(task: Any) -> str:
+        hashed.append(task.index)
+        return shards.inputs_hash(task)
+
+    monkeypatch.setattr(output_folder, "inputs_hash", spy)
+    options = {"corruptions": planners, "rows_per_shard": 6, "resume": True}
+    assert build(source, first, **options).kept == 2
+    assert hashed == []
+    Image.new("RGB", size, "blue").save(picture, compress_level=0)
+    os.utime(picture, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert picture.stat().st_size == before.st_size
+    assert build(source, second, **options).kept == 1
+    assert hashed == [0]

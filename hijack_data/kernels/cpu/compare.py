@@ -1,15 +1,16 @@
 """Count the pixels in which two pictures in memory differ."""
 
-from typing import Any
+from collections.abc import Iterator
+from typing import TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from ...types import BoxArray, UInt8Array, clip_boxes
+from ...types import Box, BoxArray, UInt8Array, clip_boxes
 
-# Bands of this many pixels are compared at once, to stay in the cache. Areas up to the second
-# number wide are compared pixel by pixel, wider ones as lines of bytes.
-BAND_PIXELS = 1 << 15
-NARROW_WIDTH = 128
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
+PIXELS_AT_ONCE = 1 << 15  # so many pixels are compared at once, to stay in the cache
+_FIRST_BYTES = np.tile([True, False, False], PIXELS_AT_ONCE)
 
 
 def count(before: UInt8Array, after: UInt8Array, boxes: BoxArray) -> int:
@@ -28,10 +29,9 @@ def count(before: UInt8Array, after: UInt8Array, boxes: BoxArray) -> int:
     inside = clip_boxes(boxes, before.shape[:2])
     holds_pixels = (inside[:, :2] < inside[:, 2:]).all(axis=1)
     disjoint = _disjoint(inside[holds_pixels])
-    total = 0
-    for x1, y1, x2, y2 in disjoint.tolist():
-        total += _differing(before[y1:y2, x1:x2], after[y1:y2, x1:x2])
-    return total
+    planar = after.strides[1] < after.strides[2]
+    parts = _differences(before[..., :3], after[..., :3], disjoint, planar)
+    return sum(_count_pixels(differ, planar) for differ in parts)
 
 
 def _disjoint(boxes: BoxArray) -> BoxArray:
@@ -51,33 +51,51 @@ def _disjoint(boxes: BoxArray) -> BoxArray:
     return boxes
 
 
-def _differing(before: UInt8Array, after: UInt8Array) -> int:
-    """Count the differing pixels of two `[h, w, 3]` areas, a band of rows at a time."""
-    width = before.shape[1]
-    band = max(1, BAND_PIXELS // width)
-    packed = before.strides[1:] == after.strides[1:] == (3, 1)
-    differ = _differ_in_lines if packed and width > NARROW_WIDTH else _differ_in_pixels
-    total = 0
-    for row in range(0, len(before), band):
-        pixels = differ(before[row : row + band], after[row : row + band])
-        total += int(np.count_nonzero(pixels))
-    return total
+def _differences(
+    before: UInt8Array, after: UInt8Array, boxes: BoxArray, planar: bool
+) -> Iterator[BoolArray]:
+    """Yield which bytes differ inside disjoint boxes; many small boxes share one array.
 
-
-def _differ_in_lines(before: UInt8Array, after: UInt8Array) -> Any:
-    """Return which pixels differ, bool `[h, w]`, comparing whole lines of bytes.
-
-    After the comparison, the result of each pixel is at its first byte.
+    The arrays are bool `[n, 3]`, or `[3, n]` if `planar`, which is fast for pictures whose channels
+    lie in the same way. Each is written into the memory of the one before.
     """
-    differ = before.reshape(len(before), -1) != after.reshape(len(after), -1)
-    pixels = differ[:, :-2] | differ[:, 1:-1]
-    pixels |= differ[:, 2:]
-    return pixels[:, ::3]
+    differ = np.empty((3, PIXELS_AT_ONCE) if planar else (PIXELS_AT_ONCE, 3), bool)
+    end = 0
+    for x1, y1, x2, y2 in _pieces(boxes):
+        height = y2 - y1
+        width = x2 - x1
+        start = end
+        end = start + height * width
+        if end > PIXELS_AT_ONCE:
+            yield differ[:, :start] if planar else differ[:start]
+            start = 0
+            end = height * width
+        if planar:
+            out = differ[:, start:end].reshape(3, height, width).transpose(1, 2, 0)
+        else:
+            out = differ[start:end].reshape(height, width, 3)
+        np.not_equal(before[y1:y2, x1:x2], after[y1:y2, x1:x2], out=out)
+    yield differ[:, :end] if planar else differ[:end]
 
 
-def _differ_in_pixels(before: UInt8Array, after: UInt8Array) -> Any:
-    """Return which pixels differ, bool `[h, w]`."""
-    differ = before != after
-    pixels = differ[..., 0] | differ[..., 1]
-    pixels |= differ[..., 2]
-    return pixels
+def _pieces(boxes: BoxArray) -> Iterator[Box]:
+    """Cut boxes into pieces of at most `PIXELS_AT_ONCE` pixels."""
+    for x1, y1, x2, y2 in boxes.tolist():
+        for left in range(x1, x2, PIXELS_AT_ONCE):
+            right = min(left + PIXELS_AT_ONCE, x2)
+            rows = PIXELS_AT_ONCE // (right - left)
+            for top in range(y1, y2, rows):
+                yield left, top, right, min(top + rows, y2)
+
+
+def _count_pixels(differ: BoolArray, planar: bool) -> int:
+    """Count the pixels with a difference in any channel, see `_differences`."""
+    if planar:
+        return int(np.count_nonzero(differ[0] | differ[1] | differ[2]))
+    # Whole lines of bytes are combined, because steps of three bytes take several times as long:
+    # then the result of each pixel is at its first byte.
+    line = differ.reshape(-1)
+    pixels = line[:-2] | line[1:-1]
+    pixels |= line[2:]
+    pixels &= _FIRST_BYTES[: len(pixels)]
+    return int(np.count_nonzero(pixels))
