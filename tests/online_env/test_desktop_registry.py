@@ -13,7 +13,7 @@ import pytest
 from hijack_data.errors import HijackError
 from online_env.embedded import desktop_supply, handle
 from online_env.embedded.handle import Handle
-from online_env.embedded.runtime import hidden_folders, limits, network, registry
+from online_env.embedded.runtime import hidden_folders, registry
 from online_env.embedded.runtime.desktop_config import DesktopConfig, SetupError
 from online_env.errors import DesktopError, DesktopTimeoutError
 
