@@ -15,6 +15,10 @@ seeds are reported. Rates are for two cores.
     ablation_intensity  10 tasks, 13 conditions, pixel: 130 episodes, about 40 minutes
     ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
+    everyday            6 quick tasks of core, clean and under the five faults of the set everyday,
+                        three agents: 108 episodes
+    everyday_guarded    the same for pixel with the guard rules: 36 episodes
+    everyday_levels     3 longer tasks, three of the faults at five severities: 48 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
     miniwob             40 tasks of MiniWoB++, oracle, random and dom_agent.py under all but
                         resolution, whose pastes are nodes of the page: 1,080 episodes
@@ -46,6 +50,16 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
 AGENTS = "oracle,recovering,do_nothing,random,pixel,pixel_onlooker"
 OSWORLD = "osworld"
+# Tasks of `core` for which the oracle needs little time (tasks/suite/measured.yaml) and at least
+# four actions, so that a fault at step 3 hits it, the shortest first; chosen before the run.
+QUICK = (
+    "comment_out_function,delete_article,forget_site,set_workspaces,size_desktop_icons,"
+    "compare_products"
+)
+EVERYDAY = ("embedded_core", "--tasks", QUICK, "--corruptions", "everyday")
+# The three quickest with more than twelve actions, so that a fault at step 12 hits them, too.
+LONGER = "copy_folder,tick_items,delete_bookmarks"
+LEVELS = "clean,missed_input,slipped_pointer,app_freeze"
 ALL_TASKS = "all_tasks"
 MINIWOB = "miniwob"
 UNPUBLISHED = (OSWORLD, MINIWOB)  # whose records stay where they are
@@ -61,6 +75,12 @@ PLAYED = {
     MINIWOB: (
         *("miniwob", "--layer", "dom", "--agent", f"oracle,random,{DOM_AGENT}"),
         *("--corruptions", ",".join(name for name in LABELS if name != "resolution")),
+    ),
+    "everyday": (*EVERYDAY, "--agent", "oracle,recovering,pixel"),
+    "everyday_guarded": (*EVERYDAY, "--agent", "pixel", "--guard", "rules"),
+    "everyday_levels": (
+        *("embedded_core", "--tasks", LONGER, "--corruptions", LEVELS),
+        *("--severities", "1-5", "--agent", "oracle"),
     ),
     OSWORLD: ("embedded_small", "--agent", "oracle,do_nothing"),
 }
@@ -101,7 +121,13 @@ def main() -> None:
     chosen = ["--seeds", options.report_only] if options.report_only else []
     with suppress(CalledProcessError):
         hijack("report", runs, *chosen, "--out", written)
-    draw(read_report(written), result / "success.svg")
+    report = read_report(written)
+    rows = [(agent, report, agent) for agent in report.agents]
+    partner = RESULTS / f"{name}_guarded" / "report.json"
+    if partner.exists():
+        guarded = read_report(partner)
+        rows += [(f"{agent}, guarded", guarded, agent) for agent in guarded.agents]
+    draw(report.labels, rows, result / "success.svg")
     page = result / "about.md"
     if name in published_table.TABLES and page.exists():
         run = reading.read(runs)
@@ -141,22 +167,28 @@ def in_windows(folder: Path) -> list[str]:
     return [str(task.path) for task in load(folder) if task.id in solved]
 
 
-def draw(report: RunReport, path: Path) -> None:
-    """Write the success of each agent under each condition as an SVG."""
-    result = [[report.cell(agent, label) for label in report.labels] for agent in report.agents]
-    shares = [[0.0 if cell is None else cell.success or 0.0 for cell in row] for row in result]
+def draw(labels: Sequence[str], rows: Sequence[tuple[str, RunReport, str]], path: Path) -> None:
+    """Write a table of success as an SVG.
+
+    Args:
+        labels: the conditions, which are the columns.
+        rows: the title of each row, with the report and the agent whose success it shows.
+        path: the file.
+    """
+    cells = [[report.cell(agent, label) for label in labels] for _, report, agent in rows]
+    shares = [[0.0 if cell is None else cell.success or 0.0 for cell in row] for row in cells]
     with rc_context({"svg.hashsalt": "agenthijack", "svg.fonttype": "none"}):
-        figure = Figure(figsize=(9, 1.5 + 0.42 * len(report.agents)), layout="constrained")
+        figure = Figure(figsize=(9, 1.5 + 0.42 * len(rows)), layout="constrained")
         axes = figure.subplots()
         axes.imshow(shares, cmap="Blues", vmin=0, vmax=1.15, aspect="auto")
-        axes.set_xticks(range(len(report.labels)), report.labels, rotation=30, ha="right")
-        axes.set_yticks(range(len(report.agents)), report.agents)
+        axes.set_xticks(range(len(labels)), labels, rotation=30, ha="right")
+        axes.set_yticks(range(len(rows)), [title for title, _, _ in rows])
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
         for row, values in enumerate(shares):
             for column, share in enumerate(values):
                 colour = "white" if share >= LEAST_DARK else "black"
-                text = "–" if result[row][column] is None else f"{100 * share:.0f}"
+                text = "–" if cells[row][column] is None else f"{100 * share:.0f}"
                 axes.text(column, row, text, ha="center", va="center", color=colour)
         axes.set_title("Tasks solved, in percent", loc="left", fontsize="medium")
         figure.savefig(path, format="svg", metadata={"Date": None})

@@ -3,22 +3,24 @@
 A page marks the place of each table with two comments, between which nothing is written by hand.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from hijack_data.file_io import write_atomic
 from hijack_data.plan import CLEAN
 from online_env import tasks
 from online_env.report import formatting
 from online_env.report.cells import compute_cells
+from online_env.report.comparison import compare_runs
 from online_env.report.identity import corruptions_by_label
 from online_env.report.model import Cell
-from online_env.results import scores
+from online_env.results import reading, scores
 from online_env.results.reading import Run
 
 Table: TypeAlias = Callable[[Run], str]
+RESULTS = Path(__file__).resolve().parents[1] / "docs" / "results"
 END = "<!-- end of the table -->\n"
 
 
@@ -74,6 +76,81 @@ def domains(run: Run, agent: str) -> str:
     return _markdown(["domain", "tasks", *labels], table)
 
 
+def faults(run: Run, *agents: str) -> str:
+    """Return how often the faults of a run hit, and the mean steps clean and under each.
+
+    Only episodes whose clean partner has a score, too, count.
+
+    Args:
+        run: the run, with records of each agent, clean and corrupted.
+        agents: the agents, in the order of the columns.
+    """
+    scored = [record for record in run.last_attempts if record["score"] is not None]
+    by_case = {
+        (record["agent"], record["corruption"], record["task"], record["seed"]): record
+        for record in scored
+    }
+    titles = ["corruption", *(f"`{agent}`: hit, steps" for agent in agents)]
+    table: list[list[str]] = []
+    for label in dict.fromkeys(record["corruption"] for record in scored):
+        row = [label]
+        for agent in agents:
+            pairs = [
+                (by_case[agent, CLEAN, task, seed], record)
+                for (name, corruption, task, seed), record in by_case.items()
+                if (name, corruption) == (agent, label) and (agent, CLEAN, task, seed) in by_case
+            ]
+            row.append(_hits_and_steps(label, pairs))
+        table.append(row)
+    return _markdown(titles, table)
+
+
+def _hits_and_steps(
+    label: str, pairs: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]]
+) -> str:
+    if not pairs:
+        return ""
+    clean, steps = (fmean(pair[side]["steps"] for pair in pairs) for side in (0, 1))
+    if label == CLEAN:
+        return f"{steps:.1f}"
+    hit = sum(bool(record.get("inputs") or record.get("effects")) for _, record in pairs)
+    return f"{hit} of {len(pairs)}, {clean:.1f} → {steps:.1f}"
+
+
+def gain(guarded: Run, plain: str) -> str:
+    """Return what a guard changes: success without and with it, the difference, and its acts.
+
+    Args:
+        guarded: the run with the guard.
+        plain: the published result with the same episodes without it.
+    """
+    table: list[list[str]] = []
+    for cell in compare_runs(reading.read(RESULTS / plain / "run"), guarded).cells:
+        if not cell.n:
+            continue
+        acts = [
+            record["guard"]["interventions"]
+            for record in guarded.last_attempts
+            if (record["agent"], record["corruption"]) == (cell.after, cell.corruption)
+        ]
+        acted = sum(any(each["actions"] for each in act) for act in acts)
+        change = formatting.percent(cell.difference, "+")
+        row = [
+            f"`{cell.after}`",
+            cell.corruption,
+            str(cell.n),
+            formatting.percent(cell.success_before),
+            formatting.percent(cell.success_after),
+            f"{change} {formatting.interval(cell.low, cell.high, '+')}",
+            formatting.p_value(cell.p),
+            f"{acted} of {len(acts)}",
+            str(sum(len(act) for act in acts)),
+        ]
+        table.append(row)
+    titles = ["agent", "corruption", "pairs", "without", "guarded", "difference, 95 %", "p"]
+    return _markdown([*titles, "the guard acted in", "interventions"], table)
+
+
 # The tables of a result, by what the comment on its page calls them.
 TABLES: Mapping[str, Mapping[str, Table]] = {
     "all_tasks": {
@@ -84,6 +161,11 @@ TABLES: Mapping[str, Mapping[str, Table]] = {
         "differences": lambda run: differences(run, "oracle", "benchmarks/dom_agent.py:DomAgent")
     },
     "reference_agents": {"differences": lambda run: differences(run, "pixel", "pixel_onlooker")},
+    "everyday": {
+        "differences": lambda run: differences(run, "oracle", "recovering", "pixel"),
+        "faults": lambda run: faults(run, "oracle", "recovering", "pixel"),
+    },
+    "everyday_guarded": {"gain": lambda run: gain(run, "everyday")},
 }
 
 

@@ -7,6 +7,7 @@ users run in processes of their own, see `agent_process`.
 import queue
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any, TypeAlias
 
 from . import agent_calls
@@ -69,6 +70,17 @@ class AgentThread:
     def alive(self) -> bool:
         """Whether no call is unanswered."""
         return not self._busy
+
+    @property
+    def take_notice(self) -> Callable[[Any], None] | None:
+        """What passes a guard's notice to an agent that takes notices; `None` for other agents."""
+        method = getattr(self.agent, "take_notice", None)
+        return None if method is None else partial(self.call, method)
+
+    @property
+    def words_have_actions(self) -> bool:
+        """Whether the agent's words hold its actions, as those of a model do."""
+        return bool(getattr(self.agent, "words_have_actions", False))
 
     def make(self) -> None:
         """Make a new object of the agent."""

@@ -186,7 +186,7 @@ class Guarded:
         notice = replace(notice, reminder=notice.reminder or self._reminder)
         picture = obs["screenshot"].copy()  # which the agent may modify
         if getattr(self._agent, "take_notice", None) is None:
-            instruction = _with_notice(instruction, notice)
+            instruction = add_notice(instruction, notice)
         else:
             self._agent.take_notice(notice)
         answer = self._agent.predict(instruction, obs)
@@ -248,7 +248,8 @@ def joint_usage(
     return {**total, "guard": dict(guard_usage)}
 
 
-def _with_notice(instruction: str, notice: Notice) -> str:
+def add_notice(instruction: str, notice: Notice) -> str:
+    """Return an instruction with what an onlooker says as lines after it."""
     lines = {
         "Your last step": notice.summary,
         "Not your doing": notice.unexpected,

@@ -42,7 +42,8 @@ def check_guard(guard: str, agents: tuple[str, ...]) -> None:
     """Check that a guard can watch these agents.
 
     Raises:
-        ParameterError: An agent has an onlooker of its own, or no model that could look on.
+        ParameterError: An agent has an onlooker of its own, cannot be reminded, or has no model
+            that could look on.
         MissingDependencyError: The extra `ocr` is not installed.
     """
     if not guard:
@@ -54,6 +55,11 @@ def check_guard(guard: str, agents: tuple[str, ...]) -> None:
             raise ParameterError(
                 f"--guard {guard}: {name} has an onlooker of its own; leave out --guard, or take"
                 " the onlooker out of its file"
+            )
+        if settings is not None and settings.model.client == "openai_computer":
+            raise ParameterError(
+                f"--guard {guard}: OpenAI keeps the conversation of {name}, so reminders would not"
+                " reach it; leave out --guard, or name an agent file with another client"
             )
         if settings is None and guard == MODEL:
             raise ParameterError(

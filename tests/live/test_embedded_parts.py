@@ -35,6 +35,7 @@ from online_env.errors import GuestError
 from online_env.record_command import parse_size
 
 from support import needs
+from support.registries import own_registry
 
 names = st.text(min_size=0, max_size=30)
 
@@ -189,15 +190,15 @@ def test_process_start_tells_processes_apart():
 
 
 def test_records_come_back_and_broken_ones_are_told(tmp_path, monkeypatch):
-    monkeypatch.setattr(registry, "RUN", tmp_path)
+    folder = own_registry(tmp_path, monkeypatch)
     keeper = (os.getpid(), registry.process_start(os.getpid()))
     first = registry.claim(None, keeper, None, {"screen": [800, 600]})
     second = registry.claim(None, keeper, (1 << 22, 7), {})
     assert (first["id"], second["id"]) == ("d1", "d2")
     assert first["slot"] != second["slot"]
     assert registry.load("d1") == first
-    (tmp_path / "broken").mkdir()
-    (tmp_path / "broken" / registry.RECORD).write_text("{")
+    (folder / "broken").mkdir()
+    (folder / "broken" / registry.RECORD).write_text("{")
     states = {record["id"]: registry.state(record) for record in registry.records()}
     # the controller of d2 is gone
     assert states == {"d1": "starting", "d2": "orphan", "broken": "orphan"}

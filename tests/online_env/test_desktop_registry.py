@@ -13,10 +13,11 @@ import pytest
 from hijack_data.errors import HijackError
 from online_env.embedded import desktop_supply, handle
 from online_env.embedded.handle import Handle
-from online_env.embedded.runtime import hidden_folders, limits, network, registry
+from online_env.embedded.runtime import hidden_folders, registry
 from online_env.embedded.runtime.desktop_config import DesktopConfig, SetupError
 from online_env.errors import DesktopError, DesktopTimeoutError
 
+from support.registries import own_registry
 from support.waiting import until
 
 ME = (os.getpid(), registry.process_start(os.getpid()))
@@ -25,10 +26,7 @@ ME = (os.getpid(), registry.process_start(os.getpid()))
 @pytest.fixture(autouse=True)
 def run(tmp_path, monkeypatch):
     """A registry of the test's own, on a machine without control groups and namespaces."""
-    monkeypatch.setattr(registry, "RUN", tmp_path / "run")
-    monkeypatch.setattr(network, "NETNS", tmp_path / "netns")
-    monkeypatch.setattr(limits, "GROUPS", tmp_path / "cgroup")
-    return tmp_path / "run"
+    return own_registry(tmp_path, monkeypatch)
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from support import needs
+from support.registries import own_registry
 
 pytest.importorskip("httpx", reason=needs.ONLINE)
 
@@ -21,7 +22,7 @@ ME = (os.getpid(), registry.process_start(os.getpid()))
 @pytest.fixture
 def desktops(tmp_path, monkeypatch):
     """Puts records of desktops into a registry of its own."""
-    monkeypatch.setattr(registry, "RUN", tmp_path / "run")
+    own_registry(tmp_path, monkeypatch)
 
     def put(name, *, held=False, state="ready"):
         more = {"screen": [1920, 1080], "token": "", "guest": "http://127.0.0.1:9"}

@@ -290,6 +290,28 @@ def test_a_run_with_a_guard_keeps_the_agent_in_its_process_and_says_what_the_gua
     assert "guard.interventions has 'WAIT' at step 0" in printed.out + printed.err
 
 
+def two_voices(body):
+    """The guard's answers, and those of a model that ends once its history has the guard's words."""
+    text = json.dumps(body)
+    if "You look at the first screenshot" in text:
+        return "Reminder: None"
+    if "A GUI agent works on a task" in text:
+        return "It clicked.\nNot the agent's doing: A menu opened."
+    is_told = "Step 1: It clicked." in text and "Not the agent's doing: A menu opened." in text
+    return "```DONE```" if is_told and "Your last step" not in text else f"```{CLICK}```"
+
+
+@pytest.mark.usefixtures("paper", "no_waiting")
+def test_the_words_of_a_guard_are_turns_of_a_models_history(tmp_path):
+    with serving(two_voices) as endpoint:
+        name = str(file(tmp_path, endpoint.url))
+        _, value = run(tmp_path, "--agent", name, "--guard", "model", code=1)
+    (record,) = value.records
+    assert (record["last_action"], record["steps"]) == ("DONE", 2)
+    summary = next(body for body in endpoint.asked if "A GUI agent works" in json.dumps(body))
+    assert json.dumps(summary).count(CLICK) == 1, "a model's words hold its action already"
+
+
 @pytest.mark.usefixtures("paper")
 def test_guards_that_cannot_be_are_refused_before_the_run(tmp_path):
     with pytest.raises(UnknownNameError, match="not 'rule'; did you mean 'rules'"):
@@ -298,6 +320,8 @@ def test_guards_that_cannot_be_are_refused_before_the_run(tmp_path):
         run(tmp_path, "--guard", "model")
     with pytest.raises(ParameterError, match="agenthijack-agent has an onlooker of its own"):
         check_guard("rules", (AGENTS.find("agenthijack-agent"),))
+    with pytest.raises(ParameterError, match="OpenAI keeps the conversation of openai-computer"):
+        check_guard("rules", (AGENTS.find("openai-computer"),))
     assert not (tmp_path / "run").exists()
 
 

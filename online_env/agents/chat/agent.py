@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..base import Observation
-from ..guarded import Guarded, Notice
+from ..guarded import Guarded, Notice, add_notice
 from ..settings import AgentSettings
 from .endpoint import Endpoint
 from .onlooker import MAX_ANSWER_CHARS, ModelOnlooker
@@ -63,7 +63,10 @@ class ChatAgent:
         if self._counts_steps:
             self._meter.begin_step()
         picture = ScreenPicture(obs["screenshot"])
-        self._add_notice(picture)
+        if self._settings.model.tool is None:
+            self._add_notice(picture)
+        else:  # the history of a tool is made of the model's calls
+            instruction = add_notice(instruction, replace(self._notice, reminder=""))
         reply = self._model.ask(self._query(instruction, picture, self._notice.reminder), "act")
         words = reply.shown
         self._turns.append(_make_turn(picture, reply))
@@ -73,7 +76,8 @@ class ChatAgent:
         """Take what an onlooker says of the picture that the next `predict` gets.
 
         The prompt has the reminder. The summary replaces the words of the last turn, and what the
-        action cannot have caused is a turn of its own (the paper's o_k, d_k).
+        action cannot have caused is a turn of its own (the paper's o_k, d_k). With a computer tool,
+        both stand after the instruction.
         """
         self._notice = notice
 
@@ -100,8 +104,11 @@ class ChatAgent:
 
     @property
     def _summarised(self) -> bool:
+        """Whether summaries replace the model's own words: those of its onlooker, or of a guard."""
         onlooker = self._settings.onlooker
-        return onlooker is not None and onlooker.summarise
+        if onlooker is not None:
+            return onlooker.summarise
+        return any(turn.summary and not turn.unexpected for turn in self._turns)
 
     def _fill_prompt(self, instruction: str, picture: ScreenPicture, reminder: str) -> Prompt:
         height, width = self._parser.seen(picture.size)

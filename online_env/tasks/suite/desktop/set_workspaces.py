@@ -1,5 +1,7 @@
 """Have several workspaces, and give one of them a name."""
 
+import re
+
 from online_env.tasks import Task
 from online_env.tasks.kit import desktop_settings
 from online_env.tasks.plan_words import quoted
@@ -43,12 +45,27 @@ class SetWorkspaces(Task):
     def oracle(self, hand):
         label = self.values.label
         desktop_settings.set_number(hand, "Number of workspaces:", self.values.count, APP)
-        hand.find("table-cell", f"Workspace {self.values.count}", APP)
-        if hand.see("table-cell", label, APP) is None:
-            hand.double_click(hand.find("table-cell", "Workspace 2", APP))
-            # The tree has no node for the text that is edited.
-            hand.replace(f"{label}\n")
+        # The last one has the label if a click went astray.
+        hand.find("table-cell", re.compile(f"(Workspace {self.values.count}|{label})$"), APP)
+        cells = hand.wait_until_stable("list of the workspaces", lambda: self.cells(hand))
+        for number, cell in enumerate(cells, 1):
+            name = label if number == 2 else f"Workspace {number}"
+            if cell.name != name:
+                hand.double_click(cell)
+                # The tree has no node for the text that is edited.
+                hand.replace(f"{name}\n")
         hand.find("table-cell", label, APP)
+
+    def cells(self, hand):
+        """Return the names of all workspaces from top to bottom; `None` until they are there."""
+        name = re.compile(f"Workspace [0-9]+$|{self.values.label}$")
+        cells = [
+            node
+            for node in hand.look()
+            if node.role == "table-cell" and node.box and APP in node.app and name.match(node.name)
+        ]
+        by_row = sorted(cells, key=lambda cell: cell.centre[1])
+        return by_row if len(by_row) == self.values.count else None
 
     def plan(self):
         return [
