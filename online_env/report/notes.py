@@ -161,7 +161,9 @@ def early_end_note(run: Run) -> Iterator[str]:
     bets, _, _ = settle_bets(run.config, run.episodes, run.records)
     stop = bets.stop(rule.retention, rule.confidence)
     tasks = f"{len(bets.clean) if stop is None else stop} of {len(run.config['tasks'])} tasks"
-    shown = "is shown" if stop is not None else "is not shown so far"
+    shown = "is shown" if stop is not None else "is not shown"
+    if stop is None and len(bets.clean) < len(run.config["tasks"]):
+        shown += " so far"
     yield (
         f"After {tasks} a retention above {rule.retention:g} {shown} with"
         f" {100 * rule.confidence:g} % confidence, at which the run was to end: success and"

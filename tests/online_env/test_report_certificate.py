@@ -13,6 +13,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from scipy import stats
 
+from hijack_data.cli import main
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.runs.run_log import draw_task_order
 from online_env.bench import runner
@@ -137,7 +138,14 @@ def test_what_has_no_score_is_refused_or_lost_as_asked(tmp_path):
         certify(reading.read(tmp_path / "part"))
 
 
-def test_results_of_others_are_certified(tmp_path):
+def command(*words):
+    """The exit code of a command, which runs in this process."""
+    with pytest.raises(SystemExit) as ended:
+        main(list(map(str, words)))
+    return ended.value.code
+
+
+def test_results_of_others_are_certified_once_their_conditions_are_declared(tmp_path, capsys):
     lines = ["task,condition,score,seed"]
     lines += [
         f"t{n},{c},{s},{e}"
@@ -145,12 +153,36 @@ def test_results_of_others_are_certified(tmp_path):
         for c, s in (("clean", 1), ("noise", int(n > 3)))
         for e in (0, 1)
     ]
-    (tmp_path / "results.csv").write_text("\n".join(lines))
-    result = certify(collect_run([tmp_path / "results.csv"]))
+    table, path = tmp_path / "results.csv", tmp_path / "certificate.json"
+    table.write_text("\n".join(lines))
+    with pytest.raises(CertificateError, match="declare it in words with --distribution"):
+        certify(collect_run([table]))
+    result = certify(collect_run([table]), declaration="noise: ten random lines")
     exact = stats.binomtest(36, 40, alternative="greater").proportion_ci(0.95, "exact").low
     assert (result.method, result.tasks, result.head_sha256) == ("gaffke", 40, "")
     assert result.retention_at_least == pytest.approx(exact, abs=2e-4)
     assert (result.distribution[0].corruption, result.distribution[0].severity) == (None, None)
+    table.write_text("\n".join(lines).replace("clean", "none").replace("score", "reward"))
+    words = ["--clean", "none", "--columns", "score=reward", "-o", path]
+    assert command("certify", table, *words) == 2
+    words += ["--distribution", "noise: ten random\nlines"]
+    assert command("certify", table, *words) == 0
+    assert (
+        "over noise (40 tasks): noise: ten random lines; method: gaffke" in capsys.readouterr().out
+    )
+    assert json.loads(path.read_text())["retention_at_least"] == result.retention_at_least
+    command("verify", path, "--run", table)
+    assert "is what the records of" in capsys.readouterr().out
+    table.write_text(table.read_text().replace("t0,noise,0,0", "t0,noise,1,0"))
+    command("verify", path, "--run", table)
+    assert "scores_sha256" in capsys.readouterr().out
+    table.write_text(table.read_text().replace("t0,noise", "t,noise"))
+    assert command("certify", table, *words) == 2
+    assert "a certificate counts every task" in capsys.readouterr().err
+    folder = tmp_path / "run"
+    read_run(folder, two_conditions([1.0] * 9, [1.0] * 9))
+    assert command("certify", folder, "--distribution", "marks") == 2
+    assert "run.json says what its conditions are" in capsys.readouterr().err
 
 
 def hijack(*words):
@@ -172,7 +204,7 @@ def test_verify_computes_it_again_and_names_every_field_that_differs(tmp_path):
     for key, value in data.items():
         if key in ("format", "version", "run", "agent", "distribution", "confidence"):
             continue
-        if key in ("missing_as_lost", "until_retention"):
+        if key in ("missing_as_lost", "until_retention", "declaration", "read_with"):
             continue
         changed = tmp_path / "changed.json"
         changed.write_text(json.dumps({**data, key: [] if value != [] else ["x"]}))

@@ -5,19 +5,20 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import short_repr, suggest
 from hijack_data.plan import CLEAN
+from hijack_data.runs.amounts import is_amount
 
 from ...extra import require
-from ..outcome_formats import FIELDS
+from ..outcome_formats import AMOUNTS, FIELDS
 from ..outcomes import OutcomeBatch, OutcomeError
 
 _REQUIRED = ("task", "score")
-_NO_SCORE = ("", "none", "null", "n/a", "na")
+_NO_NUMBER = ("", "none", "null", "n/a", "na")
 _BATCH = 65_536  # rows that are in memory as Python objects at once
 _MAX_SEED = 2**63
 
@@ -44,6 +45,8 @@ class TableReader:
     clean; without `seed`, the rows of a task are its repetitions.
     """
 
+    fields = FIELDS
+
     def detect(self, source: Path) -> bool:
         """Return whether the name of a file is that of a table."""
         return source.is_file() and source.suffix.lower() in _ROWS
@@ -67,7 +70,8 @@ class TableReader:
             for rows in _ROWS[source.suffix.lower()](source, list(names.values())):
                 if not fields:
                     fields = _check_columns(source, rows.columns, names, columns)
-                yield _batch(source, rows, {field: names[field] for field in fields})
+                found = {field: names[field] for field in fields}
+                yield _batch(str(source), source.stem, rows, found)
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise OutcomeError(f"{source}: cannot be read ({error})") from None
 
@@ -89,11 +93,35 @@ def _check_columns(
     return {field for field, column in names.items() if column in available}
 
 
-def _batch(source: Path, rows: _Rows, names: Mapping[str, str]) -> OutcomeBatch:
+def read_arrow(table: Any, columns: Mapping[str, str], agent: str) -> Iterator[OutcomeBatch]:
+    """Yield the outcomes of a table of pyarrow.
+
+    Args:
+        table: the table.
+        columns: the column of each field that it has.
+        agent: the agent where no column names one.
+
+    Raises:
+        OutcomeError: a value is no result; the message names the row.
+    """
+    start = 1
+    for batch in table.select(sorted(set(columns.values()))).to_batches(max_chunksize=_BATCH):
+        numbers = range(start, start + batch.num_rows)
+        yield _batch("the table", agent, _arrow_rows(batch, numbers), columns)
+        start += batch.num_rows
+
+
+def _arrow_rows(batch: Any, numbers: Sequence[int]) -> _Rows:
+    values = {name: batch.column(name).to_pylist() for name in batch.schema.names}
+    return _Rows(columns=values, unit="row", numbers=numbers)
+
+
+def _batch(source: str, agent: str, rows: _Rows, names: Mapping[str, str]) -> OutcomeBatch:
     """Return the outcomes of some rows.
 
     Args:
         source: the file, for messages.
+        agent: the agent where no column names one.
         rows: the rows.
         names: the column of each field that the table has.
 
@@ -108,7 +136,7 @@ def _batch(source: Path, rows: _Rows, names: Mapping[str, str]) -> OutcomeBatch:
 
     scores = _scores(values["score"], place)
     return OutcomeBatch(
-        agents=_names(values, "agent", place) if "agent" in values else [source.stem] * count,
+        agents=_names(values, "agent", place) if "agent" in values else [agent] * count,
         tasks=_names(values, "task", place),
         conditions=_names(values, "condition", place) if "condition" in values else [CLEAN] * count,
         scores=scores,
@@ -118,6 +146,7 @@ def _batch(source: Path, rows: _Rows, names: Mapping[str, str]) -> OutcomeBatch:
             for position, score in (enumerate(scores) if None in scores else ())
             if score is None
         },
+        amounts={name: _amounts(values[name], name, place) for name in AMOUNTS if name in values},
     )
 
 
@@ -138,6 +167,11 @@ def _names(values: Mapping[str, Sequence[Any]], field: str, place: Any) -> Seque
             raise OutcomeError(
                 f"{place(position)}: the {field} {short_repr(value)} is neither a text nor a whole"
                 " number"
+            )
+        if type(value) is not type(column[0]):  # 1 and "1" would become one name
+            raise OutcomeError(
+                f"{place(position)}: the {field} {short_repr(value)} is of another type than"
+                f" {short_repr(column[0])}; write texts, or whole numbers, in every row"
             )
     return [str(value) for value in column]
 
@@ -164,7 +198,7 @@ def _score(value: Any, position: int, place: Any) -> float | None:
     Raises:
         OutcomeError: it is not a number in 0..1.
     """
-    if value is None or (isinstance(value, str) and value.strip().lower() in _NO_SCORE):
+    if value is None or (isinstance(value, str) and value.strip().lower() in _NO_NUMBER):
         return None
     if isinstance(value, bool) or (isinstance(value, str) and value.lower() in ("true", "false")):
         return float(str(value).lower() == "true")
@@ -182,6 +216,32 @@ def _score(value: Any, position: int, place: Any) -> float | None:
     if not 0 <= number <= 1:
         raise OutcomeError(
             f"{place(position)}: the score {number:g} is not in 0..1; scale the column"
+        )
+    return number
+
+
+def _amounts(column: Sequence[Any], name: str, place: Any) -> Sequence[float | None]:
+    """Return the steps, tokens or cost of some rows, `None` where the table has none.
+
+    Raises:
+        OutcomeError: one is no number of at least 0.
+    """
+    if set(map(type, column)) <= {int, float} and all(map(is_amount, column)):
+        return column
+    return [_amount(value, name, position, place) for position, value in enumerate(column)]
+
+
+def _amount(value: Any, name: str, position: int, place: Any) -> float | None:
+    if value is None or (isinstance(value, str) and value.strip().lower() in _NO_NUMBER):
+        return None
+    try:
+        number = nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = nan
+    if not is_amount(number):
+        raise OutcomeError(
+            f"{place(position)}: {name} {short_repr(value)} is no number of at least 0; leave it"
+            " empty if it is not known"
         )
     return number
 
@@ -283,9 +343,7 @@ def _parquet_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
         columns = [name for name in file.schema_arrow.names if name in wanted]
         start = 1
         for batch in file.iter_batches(_BATCH, columns=columns):
-            numbers = range(start, start + batch.num_rows)
-            values = {name: batch.column(name).to_pylist() for name in columns}
-            yield _Rows(columns=values, unit="row", numbers=numbers)
+            yield _arrow_rows(batch, range(start, start + batch.num_rows))
             start += batch.num_rows
     except pa.ArrowException as error:
         raise OutcomeError(f"{source}: is no Parquet ({error})") from None
