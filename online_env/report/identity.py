@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hijack_data.config.files import available
+from hijack_data.config_files import available
 from hijack_data.corruption import find_corruption, make_corruption
 from hijack_data.errors import HijackError
 from hijack_data.runs.amounts import is_amount

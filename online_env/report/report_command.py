@@ -6,12 +6,13 @@ Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damage
 low, 2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
 """
 
+import gc
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
@@ -63,6 +64,25 @@ def _output_options(command: Command) -> Command:
     return format_name(out(as_json(command)))
 
 
+def _without_collector(command: Command) -> Command:
+    """Decorator: pause the garbage collector, which else goes through all records again and again.
+
+    Records have no circles, and the process ends with its report.
+    """
+
+    @wraps(command)
+    def called(*arguments: Any, **values: Any) -> Any:
+        was_enabled = gc.isenabled()
+        gc.disable()
+        try:
+            return command(*arguments, **values)
+        finally:
+            if was_enabled:
+                gc.enable()
+
+    return cast("Command", called)
+
+
 @click.command(cls=BriefCommand, more=("reference", "margin", "clean", *PAIRING))
 @SOURCES
 @_output_options
@@ -77,6 +97,7 @@ def _output_options(command: Command) -> Command:
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
 @click.option("--full", is_flag=True, help="All tables, notes and causes.")
 @source_options(*READING, *PAIRING)
+@_without_collector
 def report(
     sources: tuple[Path, ...],
     format_name: str | None,

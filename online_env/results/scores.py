@@ -11,9 +11,8 @@ import numpy as np
 from hijack_data.choices import CLEAN
 
 from .episode_columns import CellEpisodes, CellKey, CellScores, EpisodeColumns, PairKey
+from .record_score import ResultRecord, score_value
 from .record_score import counts as counts
-from .record_score import score_value
-from .records import ResultRecord
 
 ScoreRow: TypeAlias = dict[str, Any]
 COLUMNS = (
