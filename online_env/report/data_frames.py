@@ -11,7 +11,7 @@ from hijack_data.plan import CLEAN
 
 from ..extra import require
 from ..results.outcome_formats import FIELDS
-from ..results.outcome_readers.table import read_arrow
+from ..results.outcome_readers.table import check_columns_differ, read_arrow
 from ..results.outcomes import OutcomeError, merge_outcomes
 from .build import build_report
 from .conclusions import conclude
@@ -132,6 +132,7 @@ def compare(
     _check_columns(arrow.column_names, stated)
     names = {field: stated.get(field, field) for field in FIELDS}
     present = {field: name for field, name in names.items() if name in arrow.column_names}
+    check_columns_differ(present)
     run = merge_outcomes(
         {"the table": read_arrow(arrow, present, _AGENT)},
         folder=Path(_SOURCE),
@@ -158,7 +159,7 @@ def _arrow_table(table: Any) -> Any:
             return table
         if isinstance(table, Mapping) or hasattr(table, "__arrow_c_stream__"):
             return pa.table(table)
-    except (pa.ArrowException, TypeError, ValueError) as error:
+    except (pa.ArrowException, AttributeError, TypeError, ValueError) as error:
         raise OutcomeError(f"the table cannot be read: {error}") from None
     raise OutcomeError(
         f"a table is a data frame of pandas or polars, a table of pyarrow or a mapping of columns,"

@@ -6,6 +6,7 @@ seeds repeat them. What is not an outcome (an error of the harness, a missing re
 and is never counted as 0.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,6 +19,7 @@ import numpy.typing as npt
 from hijack_data.choices import CLEAN
 from hijack_data.entries import Lazy
 from hijack_data.errors import HijackError, quantity, shorten_list, suggest
+from hijack_data.surrogates import has_half
 
 from .episode_columns import EpisodeColumns, OutcomeColumns
 from .outcome_formats import AMOUNTS, FIELDS, READERS
@@ -254,10 +256,13 @@ def merge_outcomes(
             collected.add(outcome)
     if not len(collected.columns):
         raise OutcomeError(f"{', '.join(outcomes)}: no results in it")
-    episodes = _rename_clean(collected.columns.columns(), clean)
+    origin = _Origin(list(outcomes), starts)
+    episodes = collected.columns.columns()
+    _check_names(episodes, origin)
+    episodes = _rename_clean(episodes, clean)
     if len(outcomes) > 1 and not unpaired:
         _check_task_names(episodes.tasks)
-    _check_unique(episodes)
+    _check_unique(episodes, origin)
     merged = _merged_cells(episodes, starts)
     tasks = _tasks_by_cell(episodes)
     if unpaired:
@@ -389,7 +394,48 @@ def _check_task_names(names: Sequence[str]) -> None:
         )
 
 
-def _check_unique(episodes: EpisodeColumns) -> None:
+@dataclass(frozen=True)
+class _Origin:
+    """Where each episode was read.
+
+    Attributes:
+        sources: their names.
+        starts: the position of the first episode of each.
+    """
+
+    sources: Sequence[str]
+    starts: Sequence[int]
+
+    def name(self, position: int) -> str:
+        """Return the source of an episode, and which of its results it is."""
+        number = bisect_right(self.starts, position) - 1
+        return f"{self.sources[number]}: result {position - self.starts[number] + 1}"
+
+
+def _check_names(episodes: EpisodeColumns, origin: _Origin) -> None:
+    """Check that names have no spaces around them, by which two would differ unseen.
+
+    Raises:
+        OutcomeError: one has, or cannot be written.
+    """
+    for what, names, numbers in (
+        ("agent", episodes.agents, episodes.agent),
+        ("condition", episodes.conditions, episodes.condition),
+        ("task", episodes.tasks, episodes.task),
+    ):
+        for number, name in enumerate(names):
+            if name == name.strip() != "" and not has_half(name):
+                continue
+            place = origin.name(int(np.argmax(numbers == number)))
+            problem = "holds half of a surrogate pair"
+            if not name.strip():
+                problem = "is empty"
+            elif name != name.strip():
+                problem = "begins or ends with a space; remove it"
+            raise OutcomeError(f"{place}: the {what} {name!r} {problem}")
+
+
+def _check_unique(episodes: EpisodeColumns, origin: _Origin) -> None:
     """Check that no outcome is there twice.
 
     Raises:
@@ -399,9 +445,9 @@ def _check_unique(episodes: EpisodeColumns) -> None:
     if at is not None:
         record = episodes[at]
         raise OutcomeError(
-            f"{record['agent']} has two results of the task {record['task']} under"
-            f" {record['corruption']} with seed {record['seed']}; remove one, or name the column"
-            " that tells repetitions apart with --columns seed=COLUMN"
+            f"{origin.name(at)}: {record['agent']} has two results of the task {record['task']}"
+            f" under {record['corruption']} with seed {record['seed']}; remove one, or name the"
+            " column that tells repetitions apart with --columns seed=COLUMN"
         )
 
 

@@ -72,7 +72,9 @@ class TableReader:
                     fields = _check_columns(source, rows.columns, names, columns)
                 found = {field: names[field] for field in fields}
                 yield _batch(str(source), source.stem, rows, found)
-        except (OSError, UnicodeDecodeError, csv.Error) as error:
+        except UnicodeDecodeError as error:
+            raise OutcomeError(f"{source}: is not UTF-8 ({error}); save it as UTF-8") from None
+        except (OSError, csv.Error) as error:
             raise OutcomeError(f"{source}: cannot be read ({error})") from None
 
 
@@ -90,7 +92,28 @@ def _check_columns(
                 f"{source}: has no column {column!r}{suggest(column, list(available))}; name that"
                 f" of the {field} with --columns {field}=COLUMN"
             )
-    return {field for field, column in names.items() if column in available}
+    present = {field: column for field, column in names.items() if column in available}
+    check_columns_differ(present)
+    return set(present)
+
+
+def check_columns_differ(columns: Mapping[str, str]) -> None:
+    """Check that each field has a column of its own.
+
+    Args:
+        columns: the column of each field that a table has.
+
+    Raises:
+        OutcomeError: two fields have the same.
+    """
+    field_by_column: dict[str, str] = {}
+    for field, column in columns.items():
+        other = field_by_column.setdefault(column, field)
+        if other != field:
+            raise OutcomeError(
+                f"the column {column!r} is that of the {other} and of the {field}; name another"
+                " for one of them"
+            )
 
 
 def read_arrow(table: Any, columns: Mapping[str, str], agent: str) -> Iterator[OutcomeBatch]:
@@ -188,6 +211,17 @@ def _scores(column: Sequence[Any], place: Any) -> Sequence[float | None]:
     return [_score(value, position, place) for position, value in enumerate(column)]
 
 
+def _plain(value: Any) -> Any:
+    """Return a value that is to become a number.
+
+    Raises:
+        ValueError: it is a text with an underscore, which Python alone takes for part of a number.
+    """
+    if isinstance(value, str) and "_" in value:
+        raise ValueError(value)
+    return value
+
+
 def _has_nan(column: Sequence[float]) -> bool:
     return isnan(sum(column))
 
@@ -203,8 +237,8 @@ def _score(value: Any, position: int, place: Any) -> float | None:
     if isinstance(value, bool) or (isinstance(value, str) and value.lower() in ("true", "false")):
         return float(str(value).lower() == "true")
     try:
-        number = float(value)
-    except (TypeError, ValueError):
+        number = float(_plain(value))
+    except (TypeError, ValueError, OverflowError):
         raise OutcomeError(
             f"{place(position)}: the score {short_repr(value)} is no number; leave it empty if the"
             " episode has no outcome"
@@ -235,7 +269,7 @@ def _amount(value: Any, name: str, position: int, place: Any) -> float | None:
     if value is None or (isinstance(value, str) and value.strip().lower() in _NO_NUMBER):
         return None
     try:
-        number = nan if isinstance(value, bool) else float(value)
+        number = nan if isinstance(value, bool) else float(_plain(value))
     except (TypeError, ValueError, OverflowError):
         number = nan
     if not is_amount(number):
@@ -261,7 +295,7 @@ def _seed(value: Any, position: int, place: Any) -> int:
     try:
         if isinstance(value, bool) or (isinstance(value, float) and not value.is_integer()):
             raise ValueError
-        seed = int(value)
+        seed = int(_plain(value))
     except (TypeError, ValueError, OverflowError):
         raise OutcomeError(
             f"{place(position)}: the seed {short_repr(value)} is no whole number"
@@ -300,10 +334,15 @@ def _check_header(source: Path, header: Sequence[str]) -> None:
     twice = next((name for name in header if header.count(name) > 1), None)
     if twice is not None:
         raise OutcomeError(f"{source}: has two columns {twice!r}; rename one")
+    if len(header) == 1 and any(sign in header[0] for sign in ";\t|"):
+        raise OutcomeError(
+            f"{source}: its first line {short_repr(header[0])} is one column; separate columns by"
+            " commas"
+        )
 
 
 def _json_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
-    with source.open(encoding="utf-8") as file:
+    with source.open(encoding="utf-8-sig") as file:
         first: set[str] | None = None
         numbered = ((number, line) for number, line in enumerate(file, 1) if not line.isspace())
         while batch := list(islice(numbered, _BATCH)):
@@ -324,12 +363,35 @@ def _json_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
 
 def _json_object(source: Path, number: int, line: str) -> dict[str, Any]:
     try:
-        row: object = json.loads(line)
-    except (ValueError, RecursionError):
-        raise OutcomeError(f"{source}: line {number}: is not JSON") from None
+        row: object = _DECODER.decode(line)
+    except OutcomeError as error:
+        raise OutcomeError(f"{source}: line {number}: {error}") from None
+    except (ValueError, RecursionError) as error:
+        reason = str(error)[:120]
+        raise OutcomeError(f"{source}: line {number}: is not JSON ({reason})") from None
     if not isinstance(row, dict):
-        raise OutcomeError(f"{source}: line {number}: is no object")
+        raise OutcomeError(
+            f"{source}: line {number}: is no object; write one object a line, with a key for each"
+            " column"
+        )
     return row
+
+
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON.
+
+    Raises:
+        OutcomeError: a key is there twice, of which Python's parser keeps the last without a word.
+    """
+    row = dict(pairs)
+    if len(row) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise OutcomeError(f"has the key {short_repr(twice)} twice; remove one")
+    return row
+
+
+_DECODER = json.JSONDecoder(object_pairs_hook=_unique_keys)
 
 
 def _parquet_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
