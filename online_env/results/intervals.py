@@ -39,7 +39,8 @@ TOLERANCE = 1e-9  # values that differ by less are equal: sums of scores such as
 # more than one of them, and clean and corrupted success are unrelated. Few tasks may agree by
 # chance, and at 0 and 100 % they always do.
 PRIOR_TASKS = 1.0
-FEW = 12.0  # successes; with more, Wilson's lower end is the lower one, as simulations show
+# Successes; with more, Wilson's lower end is the lower one (with 10 at a level of 95 %).
+FEW = 200.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,6 +20,7 @@ from online_env.bench import runner
 from online_env.bench.config import Bench, all_planners, end_at_retention
 from online_env.bench.jobs import jobs
 from online_env.report.certificate import CertificateError, certificate_problems, certify
+from online_env.report.notes import early_end_note
 from online_env.results import mean_bounds as bounds
 from online_env.results import reading, records
 from online_env.results.outcomes import collect_run
@@ -323,6 +324,15 @@ def test_a_run_that_does_not_keep_so_much_is_played_to_its_end(tmp_path, monkeyp
     run = play(tmp_path / "run", benchmark, lambda task: task.endswith("1"), monkeypatch)
     assert (run.missing, len(run.records)) == (0, 180)
     assert certify(run).retention_at_least < 0.8
+    (note,) = early_end_note(run)
+    assert note.startswith("After 60 of 60 tasks a retention above 0.8 is not shown with 95 %")
+
+
+def test_a_bound_that_needs_more_tasks_than_there_are_is_said_before_the_run(tmp_path, capsys):
+    assert [StopRule(retention=r).tasks_needed for r in (0.7, 0.8, 0.9, 0.95)] == [14, 23, 48, 98]
+    words = ["bench", "embedded_small", "--agent", "oracle", "--dry-run", "--until-retention"]
+    main([*words, "0.8"])
+    assert "10 tasks: 23 are needed even if nothing is lost" in capsys.readouterr().err
 
 
 def test_a_rule_that_does_not_fit_the_run_is_refused(tmp_path):
