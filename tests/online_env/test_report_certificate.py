@@ -280,7 +280,8 @@ def test_a_run_ends_once_the_retention_is_shown_and_its_certificate_says_so(
     run = play(folder, benchmark, lambda task: True, monkeypatch, at_once=at_once)
     assert not any("planned episodes" in problem for problem in rebuild(folder).problems)
     assert run.missing == 0
-    assert len(run.records) - len(run.episodes) <= at_once  # those that were being played
+    extra = len(run.records) - len(run.episodes)
+    assert extra == 0 if at_once == 1 else extra < 60  # played on while one thread was slow
     assert run.planned < 90  # of 180
     result = certify(run)
     assert (result.method, result.until_retention["retention"]) == ("betting", 0.8)
@@ -331,7 +332,7 @@ def test_a_run_that_does_not_keep_so_much_is_played_to_its_end(tmp_path, monkeyp
 def test_a_bound_that_needs_more_tasks_than_there_are_is_said_before_the_run(tmp_path, capsys):
     assert [StopRule(retention=r).tasks_needed for r in (0.7, 0.8, 0.9, 0.95)] == [14, 23, 48, 98]
     words = ["bench", "embedded_small", "--agent", "oracle", "--dry-run", "--until-retention"]
-    main([*words, "0.8"])
+    assert command(*words, "0.8") == 0
     assert "10 tasks: 23 are needed even if nothing is lost" in capsys.readouterr().err
 
 

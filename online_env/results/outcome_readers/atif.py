@@ -122,5 +122,7 @@ def _outcome(path: Path, columns: Mapping[str, str]) -> EpisodeOutcome:
         seed=seed,
         problem="" if score is not None else f"extra.{columns['score']} is null",
         version=f"{agent} {field(trajectory, path, 'agent', 'version', kind=str)}",
-        **amounts,
+        steps=amounts.get("steps"),
+        tokens=amounts.get("tokens"),
+        cost=amounts.get("cost"),
     )

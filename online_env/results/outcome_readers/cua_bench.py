@@ -93,7 +93,9 @@ def _outcome(
         score=score,
         seed=int(match["attempt"] or 0),
         problem="" if score is not None else problem[:200],
-        **amounts,
+        steps=amounts.get("steps"),
+        tokens=amounts.get("tokens"),
+        cost=amounts.get("cost"),
     )
 
 
