@@ -279,22 +279,28 @@ def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **optio
     ),
 )
 @click.option("--key", metavar="PUB", help="Of a run: the SSH public key that must have signed it.")
-@click.option("--run", metavar="RUN", help="Of a certificate.json: the run that it is about.")
+@click.option(
+    "--run",
+    "runs",
+    multiple=True,
+    metavar="RUN",
+    help="Of a certificate.json: the run or results that it is about.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def verify(
-    folder: str, source: tuple[str, ...], key: str | None, run: str | None, as_json: bool
+    folder: str, source: tuple[str, ...], key: str | None, runs: tuple[str, ...], as_json: bool
 ) -> None:
     """Check every byte, picture, plan and label of a dataset, or of a run."""
     from .proof.rebuild import is_run, rebuild
     from .proof.run_checks.certificate import check_certificate
     from .proof.verify import verify as verify_dataset
 
-    if Path(folder).is_file() or run is not None:
-        if run is None:
+    if Path(folder).is_file() or runs:
+        if not runs:
             raise click.UsageError(f"{folder}: a certificate is computed again with --run RUN")
         if source or key is not None:
             raise click.UsageError("--source and --key do not go with a certificate")
-        report: Findings = check_certificate(Path(folder), Path(run))
+        report: Findings = check_certificate(Path(folder), list(map(Path, runs)))
     elif is_run(folder):
         if source:
             raise click.UsageError("--source goes with a dataset; a run holds its own recordings")

@@ -35,23 +35,50 @@ Inside, `dialects/` has one table of all dialects; most are a table of actions a
 arguments, and nothing else.
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING
+
 from .agent_actions import fenced_blocks, read_action, unreadable_action
-from .dialects import (
-    DIALECTS,
-    DICT_DIALECTS,
-    FRACTIONS,
-    RESIZED_DIALECTS,
-    TEXT_PARSERS,
-    code_of,
-    map_typed,
-    parse_actions,
-    parse_with,
-)
-from .dialects.pyautogui_code import calls_pyautogui, count_points, map_code, scale_normalized
-from .dialects.pyautogui_parse import parse_pyautogui
-from .dialects.pyautogui_write import write_pyautogui
-from .recorded_actions import map_recorded
 from .scaling import Scaling
+
+if TYPE_CHECKING:  # the same names, for type checkers
+    from .dialects import DIALECTS as DIALECTS
+    from .dialects import DICT_DIALECTS as DICT_DIALECTS
+    from .dialects import FRACTIONS as FRACTIONS
+    from .dialects import RESIZED_DIALECTS as RESIZED_DIALECTS
+    from .dialects import TEXT_PARSERS as TEXT_PARSERS
+    from .dialects import code_of as code_of
+    from .dialects import map_typed as map_typed
+    from .dialects import parse_actions as parse_actions
+    from .dialects import parse_with as parse_with
+    from .dialects.pyautogui_code import calls_pyautogui as calls_pyautogui
+    from .dialects.pyautogui_code import count_points as count_points
+    from .dialects.pyautogui_code import map_code as map_code
+    from .dialects.pyautogui_code import scale_normalized as scale_normalized
+    from .dialects.pyautogui_parse import parse_pyautogui as parse_pyautogui
+    from .dialects.pyautogui_write import write_pyautogui as write_pyautogui
+    from .recorded_actions import map_recorded as map_recorded
+
+# Where names are defined whose modules know every dialect. They are imported on first use: a plan
+# needs none, and they take half of its import.
+_HOMES = {
+    "DIALECTS": ".dialects",
+    "DICT_DIALECTS": ".dialects",
+    "FRACTIONS": ".dialects",
+    "RESIZED_DIALECTS": ".dialects",
+    "TEXT_PARSERS": ".dialects",
+    "calls_pyautogui": ".dialects.pyautogui_code",
+    "code_of": ".dialects",
+    "count_points": ".dialects.pyautogui_code",
+    "map_code": ".dialects.pyautogui_code",
+    "map_recorded": ".recorded_actions",
+    "map_typed": ".dialects",
+    "parse_actions": ".dialects",
+    "parse_pyautogui": ".dialects.pyautogui_parse",
+    "parse_with": ".dialects",
+    "scale_normalized": ".dialects.pyautogui_code",
+    "write_pyautogui": ".dialects.pyautogui_write",
+}
 
 __all__ = [
     "DIALECTS",
@@ -75,3 +102,14 @@ __all__ = [
     "unreadable_action",
     "write_pyautogui",
 ]
+
+
+def __getattr__(name: str) -> object:
+    """Import a name from the module that defines it.
+
+    Raises:
+        AttributeError: there is no such name.
+    """
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name], __name__), name)

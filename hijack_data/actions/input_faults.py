@@ -19,7 +19,6 @@ from ..errors import ParameterError, short_repr, shorten_list
 from ..types import BoxArray, Point, Size
 from .agent_actions import MAX_CODE_CHARS
 from .call_coordinates import read_coordinates
-from .dialects.pyautogui_code import map_code
 from .pyautogui_functions import KEYBOARD, LIVE_FUNCTIONS, POINTER
 from .pyautogui_grammar import PyautoguiCall, Value, read_calls
 from .python_source import ParsedSource, TextEdit
@@ -220,6 +219,8 @@ def alter_code(code: str, fault: InputFault, size: Size, boxes: BoxArray) -> str
     shift = (fault.dx, fault.dy)
     if fault.unit == "percent":
         shift = _scaled_shift(shift, point, boxes)
+    from .dialects.pyautogui_code import map_code  # loads every dialect
+
     return map_code(code, _Shifted(size, size, shift=_inside(shift, point, size)))
 
 

@@ -39,7 +39,7 @@ def complete_configuration(*folders: str) -> Completion:
     def completion(
         ctx: click.Context, parameter: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        names = (name.partition("/") for name in _names("hijack_data.config.files:available"))
+        names = (name.partition("/") for name in _names("hijack_data.config_files:available"))
         return [
             CompletionItem(name)
             for place, _, name in names

@@ -21,6 +21,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias, cast
 
+from ..config_files import available, read_config
 from ..corruption import CORRUPTIONS, SETS, Corruption, corruption_names, make_corruption
 from ..errors import ParameterError, ParameterTypeError, short_repr, suggest
 from ..params import Parameter
@@ -28,7 +29,6 @@ from ..planner import Planner
 from .build import Builder
 from .corruption_settings import check
 from .dumping import dump
-from .files import available, read_config
 from .nodes import ConfigNode, MappingNode, Position, Problems, ScalarNode, from_python, kind_of
 from .options import OPTIONS
 from .paper import WRAPPER, paper_name

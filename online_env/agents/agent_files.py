@@ -16,7 +16,6 @@ from urllib.parse import urlsplit
 
 from hijack_data.actions import DIALECTS
 from hijack_data.config.corruption_settings import check
-from hijack_data.config.files import available, read_config
 from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
@@ -28,6 +27,7 @@ from hijack_data.config.nodes import (
     plain,
 )
 from hijack_data.config.yaml_reader import read_yaml
+from hijack_data.config_files import available, read_config
 from hijack_data.errors import ConfigError, suggest
 from hijack_data.params import Parameter
 from hijack_data.smart_resize import MAX_PIXELS, MIN_PIXELS

@@ -15,7 +15,6 @@ from hijack_data.compose import Sequence
 from hijack_data.config import dump, load_config
 from hijack_data.config.build import Builder
 from hijack_data.config.corruption_settings import check
-from hijack_data.config.files import read_config
 from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
@@ -27,6 +26,7 @@ from hijack_data.config.nodes import (
     kind_of,
 )
 from hijack_data.config.yaml_reader import read_yaml
+from hijack_data.config_files import read_config
 from hijack_data.corruption import (
     SETS,
     Corruption,

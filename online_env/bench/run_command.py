@@ -110,6 +110,7 @@ def run_command(
     benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)
     benchmark = only_playable(benchmark, unplayable, echo)
     benchmark = end_at_retention(benchmark, until_retention)
+    _warn_of_too_few_tasks(benchmark)
     check_agents(benchmark)
     check_guard(benchmark.guard, benchmark.agents)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
@@ -244,6 +245,17 @@ def _test(
     played = [record for attempt_records in earlier.values() for record in attempt_records]
     ids = [job.id for job in earlier]
     return SequentialTest(benchmark.until_retention, benchmark.to_data(), ids, played)
+
+
+def _warn_of_too_few_tasks(benchmark: Bench) -> None:
+    """Print that a run cannot end at its bound, even if its agent loses nothing."""
+    rule = benchmark.until_retention
+    if rule is not None and len(benchmark.tasks) < rule.tasks_needed:
+        _notice(
+            f"--until-retention {rule.retention:g} cannot be shown with"
+            f" {quantity(len(benchmark.tasks), 'task')}: {rule.tasks_needed} are needed even if"
+            " nothing is lost, so the run plays all; name more with --tasks, or a lower bound"
+        )
 
 
 def _begin_run(

@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias, cast
 
-from hijack_data.actions import parse_pyautogui
+from hijack_data import actions
 from hijack_data.corruption import CORRUPTIONS
 from hijack_data.errors import HijackError
 from hijack_data.plan import CLEAN
@@ -439,7 +439,7 @@ def _are_near(first: Point, second: Point) -> bool:
 
 def _parse(code: str) -> Action | None:
     try:
-        return parse_pyautogui(code, None)
+        return actions.parse_pyautogui(code, None)
     except (HijackError, RecursionError):
         return None
 

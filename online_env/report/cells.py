@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from ..results import scores
-from ..results.episode_columns import EpisodeColumns
+from ..results.episode_columns import CellEpisodes, EpisodeColumns
 from ..results.reading import ResultRecord, Run
 from . import usage
 from .identity import agent_names, corruptions_by_label
@@ -21,15 +21,22 @@ def compute_cells(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
     top = {row["corruption"]: row["success"] for row in rows if row["agent"] == CEILING}
     inferred = _estimate_cells(rows, groups)
     cells: list[Cell] = []
+    last: Sequence[ResultRecord]
     for row in rows:
         key = row["agent"], row["corruption"]
-        last = list(groups.last[key].values()) if groups.attempts[key] else []
+        cases = groups.last[key]
+        if isinstance(cases, CellEpisodes):
+            last = []
+            used = usage.column_means([cases])
+        else:
+            last = list(cases.values())
+            used = usage.means(last, groups.attempts[key])
         scored = groups.scored[key]
         cells.append(
             Cell(
                 **row,
                 **inferred.get(key, {}),
-                **usage.means(last, groups.attempts[key]),
+                **used,
                 tasks=scores.count_tasks(scored),
                 pass_hat=_pass_hat(run, scored),
                 ceiling=top.get(row["corruption"]),

@@ -2,12 +2,13 @@
 
 It is computed from the records of a run alone, so that anybody who has them computes it again
 (`hijack verify certificate.json --run RUN`). It states the distribution of disturbances that it is
-about, the method and why it was chosen, and digests of what it was computed from.
+about, the method and why it was chosen, and digests of what it was computed from. Results of other
+harnesses do not say what their conditions did, so whoever certifies declares it.
 """
 
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,9 @@ from hijack_data.runs.run_log import RECORDS, file_digest, sha256_hex
 
 from ..choices import CONFIDENCE
 from ..extra import require
+from ..results import reading
 from ..results.mean_bounds import clopper_pearson_lower, gaffke_retention_bound
+from ..results.outcomes import READ_WITH, RESULTS, collect_run
 from ..results.reading import Run
 from ..results.records import difference
 from ..results.stop_rule import StopRule, settle_bets
@@ -49,6 +52,10 @@ REASONS: Mapping[str, str] = {
         "the run could end after any task: a confidence sequence by betting holds at all times"
     ),
 }
+
+
+# Fields that certificates of runs of this library did not have at first.
+_ABSENT: Mapping[str, Any] = {"declaration": "", "read_with": None}
 
 
 class CertificateError(ReportError):
@@ -89,6 +96,8 @@ class Certificate:
         clean: mean clean score of the tasks.
         corrupted: mean corrupted score, weighted.
         distribution: of the disturbances.
+        declaration: what the conditions of results of other harnesses are, in the words of whoever
+            certifies; empty for a run of this library, which says so itself.
         conditions_left_out: those that the run has, and the distribution does not.
         tasks: how many tasks, the independent cases.
         seeds: of variants and of the corruptions' draws.
@@ -97,6 +106,8 @@ class Certificate:
         missing_as_lost: whether this was asked for, or stated before the run.
         until_retention: when the run was to end, if it could end early.
         run: its name.
+        read_with: how results of other harnesses were read, as `collect_run` takes it; `None` for a
+            run of this library.
         head_sha256: of `run.json`; empty for results of other harnesses.
         records_sha256: of `records.jsonl`, likewise.
         scores_sha256: of all scores that were used, one line each.
@@ -113,6 +124,7 @@ class Certificate:
     clean: float
     corrupted: float
     distribution: tuple[Disturbance, ...]
+    declaration: str
     conditions_left_out: tuple[str, ...]
     tasks: int
     seeds: tuple[int, ...]
@@ -121,6 +133,7 @@ class Certificate:
     missing_as_lost: bool
     until_retention: Mapping[str, Any] | None
     run: str
+    read_with: Mapping[str, Any] | None
     head_sha256: str
     records_sha256: str
     scores_sha256: str
@@ -139,6 +152,7 @@ def certify(
     weights: Mapping[str, float] | None = None,
     confidence: float = CONFIDENCE,
     missing_as_lost: bool = False,
+    declaration: str = "",
 ) -> Certificate:
     """Return a certificate of a run.
 
@@ -149,10 +163,12 @@ def certify(
         confidence: the level, between 0.5 and 1.
         missing_as_lost: count an episode without a score as solved if it is clean, and as lost if
             it is not, instead of refusing the run.
+        declaration: what the conditions did, in words; for results of other harnesses alone, which
+            do not say it.
 
     Raises:
-        CertificateError: the run is not complete, a task was not played under all conditions, or
-            no task is solved clean.
+        CertificateError: the run is not complete, its disturbances are not declared, a task was
+            not played under all conditions, or no task is solved clean.
         UnknownNameError: the run has no such agent or condition.
         ParameterError: a number is out of range.
         MissingDependencyError: scipy is not installed.
@@ -161,6 +177,7 @@ def certify(
     if not 0.5 < confidence < 1:
         raise ParameterError(f"confidence must be above 0.5 and below 1, got {confidence!r}")
     _check_complete(run)
+    declared = _check_declaration(run, declaration)
     name = _choose_agent(run, agent)
     rule = StopRule.read(run.config)
     if rule is not None:
@@ -185,7 +202,7 @@ def certify(
         statement=(
             f"{name} keeps at least {100 * least:.2f} % of its clean success, with"
             f" {100 * confidence:g} % confidence, over {shorten_list(list(shares), len(shares))}"
-            f" ({len(tasks.tasks)} tasks)"
+            f" ({len(tasks.tasks)} tasks)" + (f": {declared}" if declared else "")
         ),
         agent=name,
         retention_at_least=least,
@@ -196,6 +213,7 @@ def certify(
         clean=round(float(tasks.clean.mean()), 6),
         corrupted=round(float(tasks.corrupted.mean()), 6),
         distribution=distribution,
+        declaration=declared,
         conditions_left_out=tuple(label for label in _labels(run) if label not in shares),
         tasks=len(tasks.tasks),
         seeds=identity.seeds,
@@ -204,6 +222,7 @@ def certify(
         missing_as_lost=missing_as_lost,
         until_retention=None if rule is None else rule.to_data(),
         run=identity.name,
+        read_with=run.config.get(READ_WITH),
         head_sha256=identity.head_sha256,
         records_sha256=file_digest(run.folder / RECORDS) or "" if identity.head_sha256 else "",
         scores_sha256=_scores_digest(run, name, shares),
@@ -224,11 +243,34 @@ def read_certificate(path: Path) -> dict[str, Any]:
         what="a certificate (hijack certify RUN -o certificate.json)",
         error=CertificateError,
     )
+    data = {**_ABSENT, **data}
     names = ["format", "version", *(entry.name for entry in fields(Certificate))]
     odd = sorted(set(names) ^ set(data))
     if odd:
         raise CertificateError(f"{path}: field {odd[0]!r} is unknown or missing")
     return data
+
+
+def read_certified_run(path: Path, sources: Sequence[Path]) -> Run:
+    """Return the run that a certificate is about, read as it was when it was certified.
+
+    Args:
+        path: the certificate.
+        sources: the folder of the run, or the results of another harness.
+
+    Raises:
+        CertificateError: the file is not a certificate, or is about one run of this library.
+        HijackError: the run cannot be read.
+    """
+    read_with = read_certificate(path)["read_with"]
+    if read_with is None:
+        if len(sources) > 1:
+            raise CertificateError(f"{path}: is about one run; give its folder alone with --run")
+        return reading.read(sources[0])
+    try:
+        return collect_run(sources, **read_with)
+    except TypeError as error:
+        raise CertificateError(f"{path}: read_with: {error}") from None
 
 
 def certificate_problems(path: Path, run: Run) -> list[str]:
@@ -253,6 +295,7 @@ def certificate_problems(path: Path, run: Run) -> list[str]:
             weights=None if early else weights,
             confidence=CONFIDENCE if early else float(data["confidence"]),
             missing_as_lost=data["missing_as_lost"] is True,
+            declaration=str(data["declaration"]),
         ).to_data()
     except (TypeError, ValueError, KeyError) as error:
         return [f"{path}: cannot be computed from {run.folder}: {error}"]
@@ -283,6 +326,32 @@ def _check_complete(run: Run) -> None:
         )
     if not run.records:
         raise CertificateError(f"{run.folder}: holds no episodes")
+
+
+def _check_declaration(run: Run, declaration: str) -> str:
+    """Return the declaration of the disturbances, on one line.
+
+    Raises:
+        CertificateError: it is missing, or the run says itself what its conditions are.
+    """
+    text = " ".join(declaration.split())
+    is_foreign = run.config.get("kind") == RESULTS
+    if is_foreign and not text:
+        raise CertificateError(
+            f"{run.folder}: results of another harness do not say what their conditions did, and a"
+            " certificate is about nothing else; declare it in words with --distribution, such as"
+            ' "marks: 10 random lines a screenshot, drawn anew for each task"'
+        )
+    if text and not is_foreign:
+        raise CertificateError(
+            f"{run.folder}: is a run of this library, whose run.json says what its conditions are;"
+            " leave out --distribution"
+        )
+    if is_foreign and not getattr(run.records, "paired", True):
+        raise CertificateError(
+            f"{run.folder}: a certificate compares the same tasks; leave out --unpaired"
+        )
+    return text
 
 
 def _choose_agent(run: Run, agent: str) -> str:
@@ -371,7 +440,7 @@ def _disturbances(run: Run, shares: Mapping[str, float]) -> Iterator[Disturbance
     entries = {label: (name, values) for label, name, values in corruption_entries(run.config)}
     for label, weight in shares.items():
         name, values = entries.get(label, (label, {}))
-        known = True
+        known = run.config.get("kind") != RESULTS  # another harness may have a name of ours
         try:
             find_corruption(name)
         except HijackError:

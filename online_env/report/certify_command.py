@@ -16,10 +16,11 @@ from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.runs.own_files import refuse_own_file
 
 from ..choices import CONFIDENCE
+from .sources import READING, SOURCES, SourceOptions, source_options
 
 
 @click.command("certify")
-@click.argument("runs", type=click.Path(path_type=Path))
+@SOURCES
 @click.option(
     "-o",
     "--out",
@@ -32,6 +33,12 @@ from ..choices import CONFIDENCE
     "--weights",
     metavar="A=W,B=W",
     help="Conditions of the distribution with their weights.  [default: all, equally]",
+)
+@click.option(
+    "--distribution",
+    default="",
+    metavar="WORDS",
+    help="Of results of others: what their conditions did; the certificate says so.",
 )
 @click.option(
     "--confidence",
@@ -52,25 +59,37 @@ from ..choices import CONFIDENCE
     metavar="R",
     help="Exit with 1 if the certified retention is below R.",
 )
+@source_options(*READING)
 def certify_command(
-    runs: Path,
+    sources: tuple[Path, ...],
     out: Path | None,
     agent: str,
     weights: str | None,
+    distribution: str,
     confidence: float,
     missing_as_lost: bool,
     retention: float | None,
+    options: SourceOptions,
 ) -> None:
     """Certify how much of its clean success an agent keeps: hijack certify RUNS -o FILE.json."""
     from ..results import reading
-    from .certificate import certify
+    from ..results.outcomes import PairingError
+    from .certificate import CertificateError, certify
 
+    try:
+        run = options.read(sources, reading.read)
+    except PairingError as error:
+        raise CertificateError(
+            f"{error.difference}; a certificate counts every task: play those that are missing, or"
+            " add them without a score and give --missing-as-lost"
+        ) from None
     certificate = certify(
-        reading.read(runs),
+        run,
         agent=agent,
         weights=None if weights is None else _parse_weights(weights),
         confidence=confidence,
         missing_as_lost=missing_as_lost,
+        declaration=distribution,
     )
     text = json.dumps(certificate.to_data(), indent=1, ensure_ascii=False) + "\n"
     if out is None:

@@ -7,7 +7,6 @@ from typing import Any
 from ..extra import require
 from ..results import scores
 from ..results.reading import Run
-from ..results.records import difference
 from . import formatting
 from .identity import run_identity
 from .model import ReportError, RunIdentity
@@ -209,6 +208,8 @@ def _notes(
             f" {names[1]} has."
         )
     settings = (_comparable_config(before), _comparable_config(after))
+    from ..results.records import difference
+
     first_difference = difference(*settings)
     if first_difference:
         differing = [key for key in {**settings[0], **settings[1]} if _differs(key, *settings)]

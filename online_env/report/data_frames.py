@@ -1,9 +1,8 @@
 """Compare agents and conditions in a data frame: pandas, polars, or any other table of Arrow."""
 
 import sys
-import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +11,15 @@ from hijack_data.plan import CLEAN
 
 from ..extra import require
 from ..results.outcome_formats import FIELDS
-from ..results.outcomes import OutcomeError, collect_run
+from ..results.outcome_readers.table import check_columns_differ, read_arrow
+from ..results.outcomes import OutcomeError, merge_outcomes
 from .build import build_report
 from .conclusions import conclude
 from .document import ReportDocument
 from .model import Cell, RunReport
 from .tables import as_markdown
 
-_FILE = "agent.parquet"  # its name is that of the agent where no column names one
+_AGENT = "agent"  # its name where no column has one
 _SOURCE = "a table"
 _PACKAGES = ("pandas", "polars", "pyarrow")
 
@@ -83,8 +83,12 @@ def compare(
     condition: str | None = None,
     agent: str | None = None,
     seed: str | None = None,
+    steps: str | None = None,
+    tokens: str | None = None,
+    cost: str | None = None,
     clean: str = CLEAN,
     common_tasks: bool = False,
+    unpaired: bool = False,
 ) -> TableComparison:
     """Compare the conditions of each agent in a table with the clean one, case by case.
 
@@ -93,40 +97,51 @@ def compare(
 
     Args:
         table: a data frame of pandas or polars, a table of pyarrow, or a mapping of columns.
-        task: the column of the task; each argument up to `seed` is by default the column of that
+        task: the column of the task; each argument up to `cost` is by default the column of that
             name. Rows of one task are one case in statistics.
         score: the column of the score, 0 to 1; a row without a score is invalid, never 0.
         condition: the column of what was done to the desktop; without it all rows are clean.
         agent: the column of the agent; without it all rows are of one.
         seed: the column of the repetition; without it the rows of a task are numbered in order.
+        steps: the column of how many actions an episode took; a missing value is not known, as for
+            the next two.
+        tokens: the column of its tokens.
+        cost: the column of its cost in USD.
         clean: the condition with which the others are compared.
         common_tasks: compare over the tasks that all conditions share, instead of refusing sets of
             tasks that differ.
+        unpaired: compare the conditions as samples of different tasks.
 
     Raises:
         OutcomeError: a column is missing, a value is no result, or conditions cannot be paired.
         MissingDependencyError: pyarrow or scipy is not installed.
     """
     require("a comparison of a table", ("pyarrow", "scipy"))
-    from pyarrow import parquet
-
     arrow = _arrow_table(table)
-    columns = {"task": task, "score": score, "condition": condition, "agent": agent, "seed": seed}
+    columns = {
+        "task": task,
+        "score": score,
+        "condition": condition,
+        "agent": agent,
+        "seed": seed,
+        "steps": steps,
+        "tokens": tokens,
+        "cost": cost,
+    }
     stated = {field: column for field, column in columns.items() if column is not None}
     _check_columns(arrow.column_names, stated)
     names = {field: stated.get(field, field) for field in FIELDS}
-    used = [name for name in dict.fromkeys(names.values()) if name in arrow.column_names]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / _FILE
-        parquet.write_table(arrow.select(used), path)
-        try:
-            run = collect_run(
-                [path], reader="table", columns=stated, clean=clean, common_tasks=common_tasks
-            )
-        except OutcomeError as error:
-            raise OutcomeError(str(error).replace(str(path), "the table")) from None
-        named = replace(run, config={**run.config, "source": _SOURCE})
-        return TableComparison(build_report(named), _package(table))
+    present = {field: name for field, name in names.items() if name in arrow.column_names}
+    check_columns_differ(present)
+    run = merge_outcomes(
+        {"the table": read_arrow(arrow, present, _AGENT)},
+        folder=Path(_SOURCE),
+        name=_SOURCE,
+        clean=clean,
+        common_tasks=common_tasks,
+        unpaired=unpaired,
+    )
+    return TableComparison(build_report(run), _package(table))
 
 
 def _arrow_table(table: Any) -> Any:
@@ -144,7 +159,7 @@ def _arrow_table(table: Any) -> Any:
             return table
         if isinstance(table, Mapping) or hasattr(table, "__arrow_c_stream__"):
             return pa.table(table)
-    except (pa.ArrowException, TypeError, ValueError) as error:
+    except (pa.ArrowException, AttributeError, TypeError, ValueError) as error:
         raise OutcomeError(f"the table cannot be read: {error}") from None
     raise OutcomeError(
         f"a table is a data frame of pandas or polars, a table of pyarrow or a mapping of columns,"
@@ -165,6 +180,8 @@ def _check_columns(present: list[str], stated: Mapping[str, str]) -> None:
     """
     required = {"task": "task", "score": "score"} | dict(stated)
     for field, column in required.items():
+        if present.count(column) > 1:
+            raise OutcomeError(f"the table has two columns {column!r}; rename one")
         if column not in present:
             raise OutcomeError(
                 f"the table has no column {column!r}{suggest(column, present)}; name that of the"

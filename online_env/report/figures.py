@@ -32,6 +32,7 @@ class BarMark:
         width: its length.
         low: where its interval begins; `None` without one.
         high: where it ends.
+        is_open: whether it goes on beyond the axis.
         mark: where the ceiling is; `None` without one.
         value: in words.
         title: the whole, in words, shown when the mouse rests on it.
@@ -43,7 +44,8 @@ class BarMark:
     width: float
     low: float | None
     high: float | None
-    mark: float | None
+    is_open: bool = False
+    mark: float | None = None
     value: str
     title: str
 
@@ -153,7 +155,7 @@ def _retention_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
         width=_place(cell.retention or 0.0, end),
         low=_maybe(cell.retention_low, end),
         high=WIDTH if unbounded else _maybe(cell.retention_high, end),
-        mark=None,
+        is_open=unbounded or (cell.retention_high or 0.0) > end,
         value=formatting.percent(cell.retention),
         title=f"{title}, 95 % {between}" if between else title,
     )

@@ -47,14 +47,16 @@ def _usd(record: ResultRecord) -> float | None:
     return float(usd) if is_amount(usd) else None
 
 
-# By name, the field of a record that it is read from, and how.
-MEASURES: Mapping[str, tuple[str, Callable[[ResultRecord], float | None]]] = {
-    "score": ("score", scores.score_value),
-    "steps": ("steps", _amount("steps")),
-    "seconds": ("seconds", _amount("seconds")),
-    "tokens": ("usage", _tokens),
-    "usd": ("usage", _usd),
+# By name, how it is read from a record.
+MEASURES: Mapping[str, Callable[[ResultRecord], float | None]] = {
+    "score": scores.score_value,
+    "steps": _amount("steps"),
+    "seconds": _amount("seconds"),
+    "tokens": _tokens,
+    "usd": _usd,
 }
+# By name, which of `outcome_formats.AMOUNTS` it is in results of other harnesses.
+_AMOUNT_NAMES = {"steps": "steps", "tokens": "tokens", "usd": "cost"}
 
 
 def measure_changes(groups: scores.GroupedRecords) -> Iterator[MeasureChange]:
@@ -67,15 +69,11 @@ def measure_changes(groups: scores.GroupedRecords) -> Iterator[MeasureChange]:
         return
     has_partial = any(_has_partial(cell) for cell in groups.scored.values())
     rows: list[MeasureChange] = []
-    measures = {
-        name: read
-        for name, (field, read) in MEASURES.items()
-        if (has_partial if name == "score" else _has_field(groups, field))
-    }
+    measures = [name for name in MEASURES if name != "score" or has_partial]
     values = {
-        (key, name): groups.scored[key] if name == "score" else _values(cases, read)
+        (key, name): groups.scored[key] if name == "score" else _values(cases, name)
         for key, cases in groups.last.items()
-        for name, read in measures.items()
+        for name in measures
     }
     for agent, label in groups.last:
         if label == CLEAN:
@@ -87,16 +85,6 @@ def measure_changes(groups: scores.GroupedRecords) -> Iterator[MeasureChange]:
                 means = _task_means(before, tasks), _task_means(after, tasks)
                 rows.append(_measure_change(agent, label, name, *means))
     yield from _adjusted(rows, lambda row: (row.agent, row.measure))
-
-
-def _has_field(groups: scores.GroupedRecords, field: str) -> bool:
-    """Return whether a record has a field, of which results of other harnesses have few."""
-    return any(
-        field in record
-        for cases in groups.last.values()
-        if not isinstance(cases, CellEpisodes)
-        for record in cases.values()
-    )
 
 
 def _has_partial(cell: scores.ScoreByCase) -> bool:
@@ -235,10 +223,11 @@ def _corruption_error(
     return errors / reference_errors if reference_errors else None
 
 
-def _values(
-    cases: scores.Cases, read: Callable[[ResultRecord], float | None]
-) -> scores.ScoreByCase:
+def _values(cases: scores.Cases, name: str) -> scores.ScoreByCase:
     """Return a measure of each case that counts and has it."""
+    if isinstance(cases, CellEpisodes):
+        return cases.amounts(_AMOUNT_NAMES[name]) if name in _AMOUNT_NAMES else {}
+    read = MEASURES[name]
     values = {case: read(record) for case, record in cases.items() if scores.counts(record)}
     return {case: value for case, value in values.items() if value is not None}
 

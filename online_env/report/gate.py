@@ -142,7 +142,7 @@ class ReleaseGate:
         """Judge the gates on the episodes of a run so far."""
         groups = scores.group_records(counted_records(run))
         table = scores.rows_by_group(groups, self.agents, self.labels)
-        return [_judge(gate, table, groups.scored, self.labels) for gate in self.gates]
+        return [_judge(gate, table, groups, self.labels) for gate in self.gates]
 
     def conclude(self, run: Run) -> bool:
         """Print a line on each gate to standard error, and write the JUnit file.
@@ -239,20 +239,15 @@ def _threshold(text: str, score: str, number: str) -> float:
 def _judge(
     gate: ScoreGate,
     table: Sequence[scores.ScoreRow],
-    scored: scores.ScoreByCell,
+    groups: scores.GroupedRecords,
     labels: Sequence[str],
 ) -> GateVerdict:
     """Judge a gate on the table of a run, and on the scores that it was made from."""
     agent_rows = [row for row in table if row["agent"] == gate.agent]
     column = "success" if gate.score in OF_AGENT else gate.score
     if gate.score == RETENTION_LOW:
-        clean = scored.get((gate.agent, CLEAN), {})
-        by_label = {
-            row["corruption"]: _retention_low(
-                scores.pairs(clean, scored[gate.agent, row["corruption"]])
-            )
-            for row in agent_rows
-        }
+        played = [row["corruption"] for row in agent_rows if row["corruption"] != CLEAN]
+        by_label = {label: _retention_low(gate.agent, [label], groups) for label in played}
     else:
         by_label = {row["corruption"]: row[column] for row in agent_rows}
     if gate.label:
@@ -267,31 +262,43 @@ def _judge(
     if gate.score in OF_AGENT:
         (summary,) = scores.summaries(agent_rows)
         return GateVerdict(gate, summary[OF_AGENT[gate.score]])
-    return GateVerdict(gate, _overall_score(gate, scored))
-
-
-def _overall_score(gate: ScoreGate, scored: scores.ScoreByCell) -> float | None:
-    """Return the retention or the difference over all cases played both clean and corrupted."""
-    cases = scores.pairs_with_clean(gate.agent, scored)
     if gate.score == RETENTION_LOW:
-        return _retention_low(cases)
-    clean_scores, corrupted_scores, _ = cases
-    if gate.score == "retention":
-        return sum(corrupted_scores) / sum(clean_scores) if sum(clean_scores) else None
-    return (
-        (sum(corrupted_scores) - sum(clean_scores)) / len(corrupted_scores)
-        if corrupted_scores
-        else None
-    )
+        return GateVerdict(gate, _retention_low(gate.agent, needed_labels, groups))
+    return GateVerdict(gate, _overall_score(gate, needed_labels, groups))
 
 
-def _retention_low(cases: scores.PairedCases) -> float | None:
-    """Return the lower end of the 95 % interval of the retention over some cases."""
-    if not len(cases[0]) or not scores.can_infer():
+def _overall_score(
+    gate: ScoreGate, labels: Sequence[str], groups: scores.GroupedRecords
+) -> float | None:
+    """Return the retention or the difference over all corruptions together."""
+    if groups.paired:
+        clean_scores, corrupted_scores, _ = scores.pooled_pairs(gate.agent, labels, groups)
+    else:
+        (clean_scores, _), (corrupted_scores, _) = scores.pooled_samples(gate.agent, labels, groups)
+    if not len(clean_scores) or not len(corrupted_scores):
         return None
-    from ..results.statistics import retention_interval
+    counts_apart = len(clean_scores) / len(corrupted_scores)  # 1 for pairs
+    if gate.score == "retention":
+        total = sum(clean_scores)
+        return sum(corrupted_scores) / total * counts_apart if total else None
+    return (sum(corrupted_scores) * counts_apart - sum(clean_scores)) / len(clean_scores)
 
-    interval = retention_interval(*cases)
+
+def _retention_low(
+    agent: str, labels: Sequence[str], groups: scores.GroupedRecords
+) -> float | None:
+    """Return the lower end of the 95 % interval of the retention over some corruptions."""
+    if not scores.can_infer():
+        return None
+    from ..results.statistics import retention_interval, unpaired_retention_interval
+
+    if groups.paired:
+        cases = scores.pooled_pairs(agent, labels, groups)
+        interval = retention_interval(*cases) if len(cases[0]) else None
+    else:
+        clean, corrupted = scores.pooled_samples(agent, labels, groups)
+        has_both = len(clean[0]) and len(corrupted[0])
+        interval = unpaired_retention_interval(clean, corrupted) if has_both else None
     return None if interval is None else interval.low
 
 

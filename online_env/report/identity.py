@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hijack_data.config.files import available
+from hijack_data.config_files import available
 from hijack_data.corruption import find_corruption, make_corruption
 from hijack_data.errors import HijackError
 from hijack_data.runs.amounts import is_amount
@@ -16,6 +16,7 @@ from hijack_data.runs.run_log import RUN, sha256_hex
 
 from ..results import scores
 from ..results.episode_columns import EpisodeColumns
+from ..results.outcomes import RESULTS
 from ..results.reading import ResultRecord, Run, read_head
 from .model import YEAR_10000, RunIdentity
 
@@ -188,12 +189,15 @@ def _source_name(source: str) -> str:
 
 
 def _head(run: Run) -> Mapping[str, Any]:
-    return read_head(run.folder) if (run.folder / RUN).exists() else {}
+    return read_head(run.folder) if _has_head(run) else {}
 
 
 def _head_digest(run: Run) -> str:
-    path = run.folder / RUN
-    return sha256_hex(path.read_bytes()) if path.exists() else ""
+    return sha256_hex((run.folder / RUN).read_bytes()) if _has_head(run) else ""
+
+
+def _has_head(run: Run) -> bool:
+    return run.config.get("kind") != RESULTS and (run.folder / RUN).exists()
 
 
 def _setting_digest(config: Mapping[str, Any]) -> str:

@@ -99,7 +99,7 @@ def _episode(record: ResultRecord) -> XmlElement:
         kind = f"{record['status']} ({record.get('cause') or 'machine'})"
         _add(case, "error", kind, message)
     out = ElementTree.SubElement(case, "system-out")
-    out.text = _text(f"{record.get('id')}\n{message}")
+    out.text = _text("\n".join(filter(None, (record.get("id"), message))))
     return case
 
 

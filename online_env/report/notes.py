@@ -161,7 +161,9 @@ def early_end_note(run: Run) -> Iterator[str]:
     bets, _, _ = settle_bets(run.config, run.episodes, run.records)
     stop = bets.stop(rule.retention, rule.confidence)
     tasks = f"{len(bets.clean) if stop is None else stop} of {len(run.config['tasks'])} tasks"
-    shown = "is shown" if stop is not None else "is not shown so far"
+    shown = "is shown" if stop is not None else "is not shown"
+    if stop is None and len(bets.clean) < len(run.config["tasks"]):
+        shown += " so far"
     yield (
         f"After {tasks} a retention above {rule.retention:g} {shown} with"
         f" {100 * rule.confidence:g} % confidence, at which the run was to end: success and"
@@ -172,9 +174,10 @@ def early_end_note(run: Run) -> Iterator[str]:
 def partial_note(partial: int) -> Iterator[str]:
     """Yield what the test makes of scores that are neither 0 nor 1, if there are any."""
     if partial:
+        verb = "is" if partial == 1 else "are"
         yield (
-            f"{partial} scores are between 0 and 1: p takes them for not solved, so it may miss a"
-            " difference that the intervals show."
+            f"{quantity(partial, 'score')} {verb} between 0 and 1: p takes them for not solved, so"
+            " it may miss a difference that the intervals show."
         )
 
 
@@ -240,7 +243,7 @@ def _agent_notes(report: RunReport) -> Iterator[str]:
     if report.run.kind != RESULTS:  # the logs of others do not say
         yield from _input_notes(report)
     incomplete = [row for row in report.summaries if row.conditions and row.paper_average is None]
-    if incomplete:
+    if incomplete and report.run.kind != RESULTS:
         yield (
             "The paper's average needs the clean condition and all nine corruptions under their"
             " own names."

@@ -6,24 +6,22 @@ Exit codes: 0 done, 1 something of the run is missing, invalid, failed or damage
 low, 2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
 """
 
+import gc
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from functools import partial
+from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
-from hijack_data.choices import CLEAN
 from hijack_data.cli.completion import complete
 from hijack_data.cli.options import BriefCommand, FiniteRange
 from hijack_data.cli.terminal import console, echo
 from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.runs.own_files import refuse_own_file
-from hijack_data.runs.run_log import EPISODES, RUN, find_run
 
-from ..results.outcome_formats import FIELDS, READERS
 from .formats import (
     COMPARISON,
     FORMATS,
@@ -36,6 +34,7 @@ from .formats import (
 )
 from .gate_options import gate_options
 from .model import ReportError
+from .sources import PAIRING, READING, SOURCES, SourceOptions, is_own_run, source_options
 
 if TYPE_CHECKING:
     from ..results.reading import Run
@@ -65,10 +64,27 @@ def _output_options(command: Command) -> Command:
     return format_name(out(as_json(command)))
 
 
-@click.command(cls=BriefCommand, more=("reference", "margin", "clean", "common_tasks", "unpaired"))
-@click.argument(
-    "sources", nargs=-1, required=True, metavar="SOURCE...", type=click.Path(path_type=Path)
-)
+def _without_collector(command: Command) -> Command:
+    """Decorator: pause the garbage collector, which else goes through all records again and again.
+
+    Records have no circles, and the process ends with its report.
+    """
+
+    @wraps(command)
+    def called(*arguments: Any, **values: Any) -> Any:
+        was_enabled = gc.isenabled()
+        gc.disable()
+        try:
+            return command(*arguments, **values)
+        finally:
+            if was_enabled:
+                gc.enable()
+
+    return cast("Command", called)
+
+
+@click.command(cls=BriefCommand, more=("reference", "margin", "clean", *PAIRING))
+@SOURCES
 @_output_options
 @click.option("--seeds", type=click.IntRange(1), metavar="N", help="Seeds 0 to N-1 only.")
 @click.option("--reference", metavar="AGENT", help="Agent of the run that mCE refers to.")
@@ -80,22 +96,8 @@ def _output_options(command: Command) -> Command:
 )
 @click.option("--paper", is_flag=True, help="Set the agents beside the paper's main table.")
 @click.option("--full", is_flag=True, help="All tables, notes and causes.")
-@click.option(
-    "--from",
-    "reader",
-    metavar="NAME",
-    shell_complete=complete("online_env.results.outcome_formats:READERS"),
-    help=f"Format of others: {', '.join(READERS)}.",
-)
-@click.option(
-    "--columns",
-    default="",
-    metavar="FIELD=COLUMN,...",
-    help=f"Where others have {', '.join(FIELDS)}.",
-)
-@click.option("--clean", metavar="NAME", help="Condition that the others are compared with.")
-@click.option("--common-tasks", is_flag=True, help="Compare over the tasks that conditions share.")
-@click.option("--unpaired", is_flag=True, help="Compare conditions of different tasks.")
+@source_options(*READING, *PAIRING)
+@_without_collector
 def report(
     sources: tuple[Path, ...],
     format_name: str | None,
@@ -106,11 +108,7 @@ def report(
     margin: float | None,
     paper: bool,
     full: bool,
-    reader: str | None,
-    columns: str,
-    clean: str | None,
-    common_tasks: bool,
-    unpaired: bool,
+    options: SourceOptions,
 ) -> None:
     """Show the results of a run, such as: hijack report runs/small.
 
@@ -118,46 +116,28 @@ def report(
     others: tables, logs of Inspect, folders of OSWorld, Harbor, AgentLab or cua-bench, trajectories
     in ATIF. Several of others are one report.
     """
-    from ..results.outcomes import collect_run, parse_columns
     from ..results.scores import COLUMNS
     from . import terminal
     from .build import build_report, load_report
     from .further_tests import MARGIN
 
-    foreign = {"--from": reader, "--columns": columns, "--clean": clean}
-    stated = [name for name, value in foreign.items() if value]
-    stated += ["--common-tasks"] * common_tasks + ["--unpaired"] * unpaired
     runs = sources[0]
-    if len(sources) == 1 and _is_own(runs):
-        if stated:
-            raise ReportError(f"{runs}: is a run of this library, which {stated[0]} is not for")
-        read = partial(_read, runs, seeds)
-    else:
-        own = next((source for source in sources if _is_own(source)), None)
-        if own is not None:
-            raise ReportError(f"{own}: is a run of this library, and is reported alone")
-        if seeds:
-            raise ReportError("--seeds chooses episodes of a run of this library; give its folder")
-        read = partial(
-            collect_run,
-            sources,
-            reader=reader,
-            columns=parse_columns(columns),
-            clean=clean or CLEAN,
-            common_tasks=common_tasks,
-            unpaired=unpaired,
-        )
+    is_own = is_own_run(sources)
+    if seeds and not is_own:
+        raise ReportError("--seeds chooses episodes of a run of this library; give its folder")
     if seeds and runs.is_file():
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
     share = None if margin is None else margin / 100
-    options = {"--margin": margin, "--paper": paper, "--reference": reference, "--full": full}
-    beside = [name for name, value in options.items() if value]
+    asked = {"--margin": margin, "--paper": paper, "--reference": reference, "--full": full}
+    beside = [name for name, value in asked.items() if value]
     for option in [*beside, *([f"--format {format_name}"] if format_name else [])]:
         if as_json:
             raise ReportError(
                 f"--json is a list of rows, without {option}; give --format json alone"
             )
-    if _is_own(runs) and runs.is_file():
+    if is_own and runs.is_file():
+        if options.stated:
+            raise ReportError(f"{runs}: is a finished report, which {options.stated[0]} is not for")
         finished = load_report(runs, reference or "", share)
         if as_json:
             cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in finished.cells]
@@ -166,7 +146,7 @@ def report(
         format = _format(format_name, out, beside)
         _write(_document(finished, paper=paper, full=full), format, out)
         return
-    run = read()
+    run = options.read(sources, partial(_read, seeds=seeds))
     if as_json:
         _output(json.dumps(terminal.score_rows(run, run.records), indent=1) + "\n", out)
         raise SystemExit(_finish(run))
@@ -223,17 +203,23 @@ def compare_command(
 
 
 @click.command()
-@click.argument("runs", type=click.Path(path_type=Path))
+@SOURCES
 @gate_options
-def gate(runs: Path, fail_under: tuple[str, ...], junit: Path | None) -> None:
+@source_options(*READING, *PAIRING)
+def gate(
+    sources: tuple[Path, ...],
+    fail_under: tuple[str, ...],
+    junit: Path | None,
+    options: SourceOptions,
+) -> None:
     """Exit with 1 if a score is too low: hijack gate RUNS --fail-under retention=0.8."""
     from .gate import ReleaseGate
 
     if not fail_under and junit is None:
         raise click.UsageError("say what is too low: --fail-under SCORE=X")
-    if runs.is_file():
-        raise ReportError(f"{runs} is a finished report; give the folder of a run")
-    run = _read(runs)
+    if is_own_run(sources) and sources[0].is_file():
+        raise ReportError(f"{sources[0]} is a finished report; give the folder of a run")
+    run = options.read(sources, _read)
     passed = ReleaseGate.read(fail_under, junit, *_agents_and_labels(run)).conclude(run)
     code = _finish(run)
     raise SystemExit(code if passed else 1)
@@ -272,18 +258,6 @@ def leaderboard_command(folder: Path, out: Path | None, space: Path | None) -> N
     raise SystemExit(1 if reports.problems else 0)
 
 
-def _is_own(source: Path) -> bool:
-    """Return whether a source is a run of this library or a finished report, or is not there."""
-    from ..results.outcomes import is_result
-
-    if source.is_dir():
-        folder = find_run(source)
-        return (folder / RUN).exists() or (folder / EPISODES).is_dir()
-    if not source.exists():
-        return True
-    return source.suffix == ".json" and not is_result(source)
-
-
 def _format(format_name: str | None, out: Path | None, beside: Sequence[str]) -> str:
     """Return the format, which has to show what the options `beside` ask for."""
     format = choose_format(format_name, out)
@@ -319,8 +293,11 @@ def _read(folder: Path, seeds: int | None = None) -> "Run":
 
 def _agents_and_labels(run: "Run") -> tuple[list[str], list[str]]:
     """Return the agents and the conditions of a run; a log without a head has those it played."""
+    from ..results.episode_columns import EpisodeColumns
     from .identity import agent_names, corruptions_by_label
 
+    if isinstance(run.records, EpisodeColumns):
+        return agent_names(run.config), list(corruptions_by_label(run.config))
     agents = [*agent_names(run.config), *(record["agent"] for record in run.records)]
     labels = [*corruptions_by_label(run.config), *(record["corruption"] for record in run.records)]
     return list(dict.fromkeys(agents)), list(dict.fromkeys(labels))

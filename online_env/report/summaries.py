@@ -9,6 +9,7 @@ from hijack_data.runs.privileged_inputs import collect_privileged_inputs
 from hijack_data.runs.run_log import GIVEN_KINDS
 
 from ..results import scores
+from ..results.episode_columns import CellEpisodes
 from ..results.reading import ResultRecord
 from . import usage
 from .identity import NINE, has_all_nine
@@ -52,8 +53,11 @@ def _inputs_and_usage(
 ) -> dict[str, Any]:
     """Return what an agent was given, and its usage, over its conditions."""
     keys = [(agent, label) for label in labels]
+    columns = [cell for key in keys if isinstance(cell := groups.last[key], CellEpisodes)]
+    if columns:
+        return {"given": None, **usage.column_means(columns)}
     attempts = [record for key in keys for record in groups.attempts[key]]
-    last = [record for key in keys for record in groups.last[key].values()] if attempts else []
+    last = [record for key in keys for record in groups.last[key].values()]
     return {"given": _privileged_inputs(attempts), **usage.means(last, attempts)}
 
 
@@ -83,40 +87,30 @@ def _means(agent_cells: Mapping[str, Cell], identity: RunIdentity) -> dict[str, 
 
 def _retention(agent: str, groups: scores.GroupedRecords) -> dict[str, float | None]:
     """Return the share of its clean success that an agent keeps over all its corruptions."""
-    if not groups.paired:
-        return _unpaired_retention(agent, groups)
-    clean_scores, corrupted_scores, tasks = scores.pairs_with_clean(agent, groups.scored)
-    if not sum(clean_scores):
+    corruptions = [label for name, label in groups.scored if name == agent and label != CLEAN]
+    interval: Any = None
+    if groups.paired:
+        cases = scores.pooled_pairs(agent, corruptions, groups)
+        clean_scores, corrupted_scores, _ = cases
+        if scores.can_infer() and len(clean_scores):
+            from ..results.statistics import retention_interval
+
+            interval = retention_interval(*cases)
+    else:
+        samples = scores.pooled_samples(agent, corruptions, groups)
+        (clean_scores, _), (corrupted_scores, _) = samples
+        if scores.can_infer() and len(clean_scores) and len(corrupted_scores):
+            from ..results.statistics import unpaired_retention_interval
+
+            interval = unpaired_retention_interval(*samples)
+    if not sum(clean_scores) or not len(corrupted_scores):
         return {}
-    values: dict[str, float | None] = {"retention": sum(corrupted_scores) / sum(clean_scores)}
+    counts_apart = len(clean_scores) / len(corrupted_scores)  # 1 for pairs
+    ratio = sum(corrupted_scores) / sum(clean_scores) * counts_apart
+    values: dict[str, float | None] = {"retention": ratio}
     if scores.can_infer():
-        from ..results.statistics import retention_interval
-
-        retention = retention_interval(clean_scores, corrupted_scores, tasks)
-        values["retention_low"] = retention.low if retention else None
-        values["retention_high"] = retention.high if retention else None
-    return values
-
-
-def _unpaired_retention(agent: str, groups: scores.GroupedRecords) -> dict[str, float | None]:
-    """Return the ratio of the success on corrupted tasks to that on other, clean tasks."""
-    clean = scores.score_lists(groups.scored.get((agent, CLEAN), {}))
-    cells = [
-        scores.score_lists(cell)
-        for (name, label), cell in groups.scored.items()
-        if name == agent and label != CLEAN
-    ]
-    corrupted = [score for values, _ in cells for score in values]
-    tasks = [task for _, names in cells for task in names]
-    if not sum(clean[0]) or not corrupted:
-        return {}
-    values: dict[str, float | None] = {"retention": fmean(corrupted) / fmean(clean[0])}
-    if scores.can_infer():
-        from ..results.statistics import unpaired_retention_interval
-
-        retention = unpaired_retention_interval(clean, (corrupted, tasks))
-        values["retention_low"] = retention.low if retention else None
-        values["retention_high"] = retention.high if retention else None
+        values["retention_low"] = interval.low if interval else None
+        values["retention_high"] = interval.high if interval else None
     return values
 
 

@@ -1,12 +1,16 @@
 """An agent's usage: actions, seconds, tokens and money, from the records of its episodes."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from math import isnan, nan
 from statistics import fmean
 from typing import Any
+
+import numpy as np
 
 from hijack_data.runs.amounts import is_amount
 
 from ..results.costs import COUNTS, has_counts
+from ..results.episode_columns import CellEpisodes
 from ..results.reading import ResultRecord
 from ..results.scores import counts
 
@@ -32,6 +36,25 @@ def means(last: Iterable[ResultRecord], attempts: Iterable[ResultRecord]) -> dic
         "malformed": sum(broken) / sum(steps) if broken and sum(steps) else None,
     }
     return values | _tokens(attempts)
+
+
+def column_means(cells: Sequence[CellEpisodes]) -> dict[str, Any]:
+    """Return the usage fields of results of other harnesses, by name.
+
+    Steps cover the episodes that have a score and say how many they took. Money covers all
+    episodes, and is known only if each says what it cost.
+    """
+    values: dict[str, Any] = {}
+    steps = np.concatenate([cell.amounts("steps").scores for cell in cells])
+    if steps.size:
+        values["steps"] = float(steps.mean())
+    costs = [
+        cell.columns.amounts["cost"][cell.positions]
+        for cell in cells
+        if "cost" in cell.columns.amounts
+    ]
+    usd = float(np.concatenate(costs).sum()) if costs else nan
+    return values if isnan(usd) else values | {"usd": usd}
 
 
 def _tokens(records: Iterable[ResultRecord]) -> dict[str, Any]:

@@ -7,9 +7,10 @@ for. A report computes on the columns.
 
 from array import array
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import repeat
 from math import nan
+from types import MappingProxyType
 from typing import Any, TypeAlias, overload
 
 import numpy as np
@@ -46,6 +47,7 @@ class OutcomeColumns:
         self._agent, self._condition, self._task = array("i"), array("i"), array("i")
         self._seed, self._has_seed = array("q"), array("b")
         self._score = array("d")
+        self._amounts: dict[str, array[float]] = {}
 
     def __len__(self) -> int:
         return len(self._score)
@@ -59,6 +61,7 @@ class OutcomeColumns:
         scores: Sequence[float | None],
         seeds: Sequence[int | None] | None,
         problems: Mapping[int, str],
+        amounts: Mapping[str, Sequence[float | None]] = MappingProxyType({}),
     ) -> None:
         """Add outcomes.
 
@@ -69,6 +72,7 @@ class OutcomeColumns:
             scores: 0..1; `None` where there is no outcome.
             seeds: of each outcome; `None` where, or if, the source does not say.
             problems: why there is no score, by position in `scores`.
+            amounts: what each outcome took, `None` where the source does not say, by name.
 
         Raises:
             OverflowError: A seed has more than 63 bits.
@@ -87,6 +91,11 @@ class OutcomeColumns:
             self.problems.update({start + at: problem for at, problem in problems.items()})
             scores = [nan if score is None else score for score in scores]
         self._score.extend(scores)  # type: ignore[arg-type]
+        for name, values in amounts.items():
+            column = self._amounts.setdefault(name, array("d", [nan]) * start)
+            column.extend([nan if value is None else value for value in values])
+        for column in self._amounts.values():
+            column.extend(array("d", [nan]) * (len(self) - len(column)))
 
     def columns(self) -> "EpisodeColumns":
         """Return what was collected; outcomes without a seed are numbered, task by task."""
@@ -110,6 +119,7 @@ class OutcomeColumns:
             seed=seed,
             score=np.array(self._score, np.float64),
             problems=self.problems,
+            amounts={name: np.array(column) for name, column in self._amounts.items()},
         )
 
 
@@ -138,6 +148,8 @@ class EpisodeColumns(Sequence[dict[str, Any]]):
         seed: which repetition of the task it is, int64 `[episodes]`.
         score: 0..1, NaN if it has no outcome, float64 `[episodes]`.
         problems: why an episode has no outcome, by its position.
+        amounts: what each episode took, NaN where the source does not say, float64 `[episodes]`, by
+            the names in `outcome_formats.AMOUNTS`; those that no episode has are left out.
         paired: whether conditions are compared task by task; else as samples of different tasks.
     """
 
@@ -150,6 +162,7 @@ class EpisodeColumns(Sequence[dict[str, Any]]):
     seed: Integers
     score: Floats
     problems: Mapping[int, str]
+    amounts: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
     paired: bool = True
 
     def __len__(self) -> int:
@@ -193,6 +206,7 @@ class EpisodeColumns(Sequence[dict[str, Any]]):
             task=self.task[chosen],
             seed=self.seed[chosen],
             score=self.score[chosen],
+            amounts={name: values[chosen] for name, values in self.amounts.items()},
             paired=self.paired,
             problems={int(position[at]): why for at, why in self.problems.items() if chosen[at]},
         )
@@ -251,8 +265,10 @@ class CellEpisodes(Mapping[PairKey, dict[str, Any]]):
     ) -> None:
         self.columns = columns
         self.positions = positions
-        has_score = ~np.isnan(columns.score[positions])
-        self.scored = CellScores(columns, positions[has_score], cases, case_count)
+        self._scored_positions = positions[~np.isnan(columns.score[positions])]
+        self._cases = cases
+        self._case_count = case_count
+        self.scored = self._values(columns.score, self._scored_positions)
         self._by_case: dict[PairKey, int] | None = None
 
     def __len__(self) -> int:
@@ -266,20 +282,40 @@ class CellEpisodes(Mapping[PairKey, dict[str, Any]]):
             self._by_case = dict(zip(self, self.positions.tolist(), strict=True))
         return self.columns[self._by_case[case]]
 
+    def amounts(self, name: str) -> "CellScores":
+        """Return what the episodes with a score took, of those that say so.
+
+        Args:
+            name: one of `outcome_formats.AMOUNTS`.
+        """
+        values = self.columns.amounts.get(name)
+        if values is None:
+            return self._values(self.columns.score, self._scored_positions[:0])
+        has_amount = ~np.isnan(values[self._scored_positions])
+        return self._values(values, self._scored_positions[has_amount])
+
+    def _values(self, values: Floats, positions: Integers) -> "CellScores":
+        return CellScores(self.columns, values, positions, self._cases, self._case_count)
+
 
 class CellScores(Mapping[PairKey, float]):
-    """The scores of an agent under a condition in columns; as a mapping, by case.
+    """The scores, or amounts, of an agent under a condition in columns; as a mapping, by case.
 
     Attributes:
         tasks: the number of the task of each, int32 `[episodes]`.
-        scores: 0..1, float64 `[episodes]`.
+        scores: 0..1, or amounts from 0 on, float64 `[episodes]`.
     """
 
     def __init__(
-        self, columns: EpisodeColumns, positions: Integers, cases: Integers, case_count: int
+        self,
+        columns: EpisodeColumns,
+        values: Floats,
+        positions: Integers,
+        cases: Integers,
+        case_count: int,
     ) -> None:
         self.tasks = columns.task[positions]
-        self.scores = columns.score[positions]
+        self.scores = values[positions]
         self._columns = columns
         self._positions = positions
         self._cases = cases[positions]

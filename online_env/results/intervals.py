@@ -3,7 +3,9 @@
 Episodes of one task resemble each other: another seed changes names and numbers, not the task. So
 the intervals rest on how far the tasks differ, not on the number of episodes.
 
-A mean has Wilson's score interval over tasks, which is valid up to 0 and 1. A
+A mean has Wilson's score interval over tasks. Near 0 and 1 it is too narrow (Brown, Cai and
+DasGupta 2001), so with few successes or few failures an end is at least as far out as the exact
+one-sided bound of the same level. A
 difference and a ratio combine the two Wilson intervals of their means by the method of variance
 estimates recovery: Newcombe's interval for paired rates (Newcombe 1998), and that of Donner and Zou
 (2012) for ratios. The same formulas hold at 0 %, at 100 % and between.
@@ -23,6 +25,8 @@ import numpy.typing as npt
 
 from hijack_data.errors import ParameterError
 
+from .exact_bounds import exact_lower_end
+
 Floats64: TypeAlias = npt.NDArray[np.float64]
 # The data of one cell: scores and the task of each; or clean scores, corrupted scores, and the task
 # of each pair.
@@ -35,6 +39,8 @@ TOLERANCE = 1e-9  # values that differ by less are equal: sums of scores such as
 # more than one of them, and clean and corrupted success are unrelated. Few tasks may agree by
 # chance, and at 0 and 100 % they always do.
 PRIOR_TASKS = 1.0
+# Successes; with more, Wilson's lower end is the lower one (with 10 at a level of 95 %).
+FEW = 200.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +108,8 @@ class _Wilson:
 
         If the episodes of a task always end alike, the tasks' means vary as much as single
         outcomes do, and the interval is Wilson's for this number of tasks. It is narrower if
-        they vary less.
+        they vary less. With fewer than `FEW` successes the lower end is not above the exact bound,
+        and with fewer failures the upper end not below it.
         """
         chance = self.value * (1 - self.value)
         doubt = PRIOR_TASKS / self.tasks
@@ -110,6 +117,11 @@ class _Wilson:
         share = min(1.0, (measured + doubt) / (chance + doubt))
         trials = self.tasks / share
         low, high = _wilson_ends(self.value, trials, level)
+        successes, failures = self.value * trials, (1 - self.value) * trials
+        if TOLERANCE < successes < FEW and low > 0:
+            low = exact_lower_end(successes, failures, level, low)
+        if TOLERANCE < failures < FEW and high < 1:
+            high = 1 - exact_lower_end(failures, successes, level, 1 - high)
         return max(0.0, min(low, self.value)), min(1.0, max(high, self.value))
 
 

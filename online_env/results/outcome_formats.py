@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-FIELDS = ("task", "condition", "agent", "score", "seed")
+AMOUNTS = ("steps", "tokens", "cost")  # of an episode; cost in USD
+FIELDS = ("task", "condition", "agent", "score", "seed", *AMOUNTS)
 READERS: Mapping[str, str] = MappingProxyType(
     {
         "table": "online_env.results.outcome_readers.table:TableReader",

@@ -6,8 +6,9 @@ seeds repeat them. What is not an outcome (an error of the harness, a missing re
 and is never counted as 0.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol, TypeAlias
@@ -18,18 +19,33 @@ import numpy.typing as npt
 from hijack_data.choices import CLEAN
 from hijack_data.entries import Lazy
 from hijack_data.errors import HijackError, quantity, shorten_list, suggest
+from hijack_data.surrogates import has_half
 
 from .episode_columns import EpisodeColumns, OutcomeColumns
-from .outcome_formats import FIELDS, READERS
+from .outcome_formats import AMOUNTS, FIELDS, READERS
 from .reading import Run
 
 TaskNumbers: TypeAlias = npt.NDArray[np.integer]
 
 RESULTS = "results"  # the kind of a run that was made of outcomes
+READ_WITH = "read_with"  # in its configuration: the arguments that `collect_run` read it with
 
 
 class OutcomeError(HijackError, ValueError):
     """Results that cannot be read or paired; the message has the remedy."""
+
+
+class PairingError(OutcomeError):
+    """Conditions that were not played on the same tasks.
+
+    Args:
+        difference: which tasks are of one condition alone.
+        remedy: how they can be reported nevertheless.
+    """
+
+    def __init__(self, difference: str, remedy: str) -> None:
+        super().__init__(f"{difference}; {remedy}")
+        self.difference = difference
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,6 +62,9 @@ class EpisodeOutcome:
         version: of the harness that played it, with its name; empty if the source does not say.
         content: what identifies the content of the task, such as a checksum; empty if the source
             does not say.
+        steps: actions of the agent; `None` if the source does not say, as for the next two.
+        tokens: that its models read and wrote, cached ones included.
+        cost: of its models, in USD.
     """
 
     agent: str
@@ -56,6 +75,9 @@ class EpisodeOutcome:
     problem: str = ""
     version: str = ""
     content: str = ""
+    steps: float | None = None
+    tokens: float | None = None
+    cost: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -69,6 +91,7 @@ class OutcomeBatch:
         scores: of each.
         seeds: of each; `None` if the source has no seeds.
         problems: why an episode has no score, by its position; for every `None` in `scores`.
+        amounts: steps, tokens and cost of each, as far as the source has them, by name.
     """
 
     agents: Sequence[str]
@@ -77,10 +100,19 @@ class OutcomeBatch:
     scores: Sequence[float | None]
     seeds: Sequence[int] | None
     problems: Mapping[int, str]
+    amounts: Mapping[str, Sequence[float | None]] = field(
+        default_factory=dict[str, Sequence[float | None]]
+    )
 
 
 class OutcomeReader(Protocol):
-    """Reads the results of one format."""
+    """Reads the results of one format.
+
+    Attributes:
+        fields: those of `FIELDS` that `columns` may name.
+    """
+
+    fields: Sequence[str]
 
     def detect(self, source: Path) -> bool:
         """Return whether a file or folder is of this format, from names and first bytes."""
@@ -142,7 +174,7 @@ def collect_run(
     common_tasks: bool = False,
     unpaired: bool = False,
 ) -> Run:
-    """Read several sources together, and return them as one run.
+    """Read several files and folders together, and return them as one run.
 
     Args:
         sources: files and folders.
@@ -156,22 +188,81 @@ def collect_run(
     Raises:
         OutcomeError: a source cannot be read, there is no outcome, or conditions cannot be paired.
     """
+    for number, source in enumerate(sources):
+        if not source.exists():
+            raise OutcomeError(f"{source}: is not there")
+        if any(source.resolve() == earlier.resolve() for earlier in sources[:number]):
+            raise OutcomeError(f"{source}: is given twice; its results would count as repetitions")
+    run = merge_outcomes(
+        {str(source): _read(source, reader, columns) for source in sources},
+        folder=sources[0],
+        name=" and ".join(source.name for source in sources[:2])
+        + (f" and {len(sources) - 2} more" if len(sources) > 2 else ""),
+        clean=clean,
+        common_tasks=common_tasks,
+        unpaired=unpaired,
+    )
+    read_with = {"reader": reader, "columns": dict(columns), "clean": clean}
+    return replace(run, config={**run.config, READ_WITH: read_with})
+
+
+def _read(
+    source: Path, reader: str | None, columns: Mapping[str, str]
+) -> Iterator[EpisodeOutcome] | Iterator[OutcomeBatch]:
+    """Return the outcomes of a source.
+
+    Raises:
+        OutcomeError: no reader takes it, or the reader cannot be told where it has a field.
+    """
+    chosen = find_reader(source, reader)
+    for name in columns:
+        if name not in chosen.fields:
+            raise OutcomeError(
+                f"{source}: --columns {name}= is not for this format, which takes"
+                f" {', '.join(chosen.fields)}; write the results to a table for other columns"
+            )
+    return chosen.read(source, columns)
+
+
+def merge_outcomes(
+    outcomes: Mapping[str, Iterable[EpisodeOutcome | OutcomeBatch]],
+    *,
+    folder: Path,
+    name: str,
+    clean: str = CLEAN,
+    common_tasks: bool = False,
+    unpaired: bool = False,
+) -> Run:
+    """Return the outcomes of one or several sources as one run.
+
+    Args:
+        outcomes: those of each source, by its name.
+        folder: of the run; a report reads nothing from it.
+        name: of what was read, for titles.
+        clean: as for `collect_run`, as are the others.
+        common_tasks: likewise.
+        unpaired: likewise.
+
+    Raises:
+        OutcomeError: as for `collect_run`.
+    """
     if common_tasks and unpaired:
         raise OutcomeError("--unpaired compares different tasks, --common-tasks the same; give one")
     collected = _Collected()
     starts: list[int] = []
-    for source in sources:
-        if not source.exists():
-            raise OutcomeError(f"{source}: is not there")
+    for listed in outcomes.values():
         starts.append(len(collected.columns))
-        for outcome in find_reader(source, reader).read(source, columns):
+        for outcome in listed:
             collected.add(outcome)
     if not len(collected.columns):
-        raise OutcomeError(f"{', '.join(map(str, sources))}: no results in it")
-    episodes = _rename_clean(collected.columns.columns(), clean)
-    if len(sources) > 1 and not unpaired:
+        raise OutcomeError(f"{', '.join(outcomes)}: no results in it")
+    origin = _Origin(list(outcomes), starts)
+    episodes = collected.columns.columns()
+    _check_names(episodes, origin)
+    episodes = _rename_clean(episodes, clean)
+    if len(outcomes) > 1 and not unpaired:
         _check_task_names(episodes.tasks)
-    _check_unique(episodes)
+    _check_unique(episodes, origin)
     merged = _merged_cells(episodes, starts)
     tasks = _tasks_by_cell(episodes)
     if unpaired:
@@ -185,11 +276,10 @@ def collect_run(
         episodes, reordered = _match_seeds(episodes)
     conditions = [episodes.conditions[number] for number in _in_order(episodes.condition)]
     return Run(
-        folder=sources[0],
+        folder=folder,
         config={
             "kind": RESULTS,
-            "source": " and ".join(source.name for source in sources[:2])
-            + (f" and {len(sources) - 2} more" if len(sources) > 2 else ""),
+            "source": name,
             "agents": [episodes.agents[number] for number in _in_order(episodes.agent)],
             "corruptions": sorted(conditions, key=lambda label: label != CLEAN),
             "merged": merged,
@@ -227,6 +317,7 @@ class _Collected:
                 scores=outcome.scores,
                 seeds=outcome.seeds,
                 problems=outcome.problems,
+                amounts=outcome.amounts,
             )
             return
         where = f"{outcome.agent} under {outcome.condition}"
@@ -246,6 +337,9 @@ class _Collected:
             scores=[outcome.score],
             seeds=[outcome.seed],
             problems={} if outcome.score is not None else {0: outcome.problem},
+            amounts={
+                name: [value] for name in AMOUNTS if (value := getattr(outcome, name)) is not None
+            },
         )
 
 
@@ -300,7 +394,48 @@ def _check_task_names(names: Sequence[str]) -> None:
         )
 
 
-def _check_unique(episodes: EpisodeColumns) -> None:
+@dataclass(frozen=True)
+class _Origin:
+    """Where each episode was read.
+
+    Attributes:
+        sources: their names.
+        starts: the position of the first episode of each.
+    """
+
+    sources: Sequence[str]
+    starts: Sequence[int]
+
+    def name(self, position: int) -> str:
+        """Return the source of an episode, and which of its results it is."""
+        number = bisect_right(self.starts, position) - 1
+        return f"{self.sources[number]}: result {position - self.starts[number] + 1}"
+
+
+def _check_names(episodes: EpisodeColumns, origin: _Origin) -> None:
+    """Check that names have no spaces around them, by which two would differ unseen.
+
+    Raises:
+        OutcomeError: one has, or cannot be written.
+    """
+    for what, names, numbers in (
+        ("agent", episodes.agents, episodes.agent),
+        ("condition", episodes.conditions, episodes.condition),
+        ("task", episodes.tasks, episodes.task),
+    ):
+        for number, name in enumerate(names):
+            if name == name.strip() != "" and not has_half(name):
+                continue
+            place = origin.name(int(np.argmax(numbers == number)))
+            problem = "holds half of a surrogate pair"
+            if not name.strip():
+                problem = "is empty"
+            elif name != name.strip():
+                problem = "begins or ends with a space; remove it"
+            raise OutcomeError(f"{place}: the {what} {name!r} {problem}")
+
+
+def _check_unique(episodes: EpisodeColumns, origin: _Origin) -> None:
     """Check that no outcome is there twice.
 
     Raises:
@@ -310,9 +445,9 @@ def _check_unique(episodes: EpisodeColumns) -> None:
     if at is not None:
         record = episodes[at]
         raise OutcomeError(
-            f"{record['agent']} has two results of the task {record['task']} under"
-            f" {record['corruption']} with seed {record['seed']}; remove one, or name the column"
-            " that tells repetitions apart with --columns seed=COLUMN"
+            f"{origin.name(at)}: {record['agent']} has two results of the task {record['task']}"
+            f" under {record['corruption']} with seed {record['seed']}; remove one, or name the"
+            " column that tells repetitions apart with --columns seed=COLUMN"
         )
 
 
@@ -356,8 +491,9 @@ def _pair_tasks(
     """Return the episodes whose conditions can be compared task by task.
 
     Raises:
-        OutcomeError: the conditions of an agent have other tasks, and `common_tasks` is not asked
+        PairingError: the conditions of an agent have other tasks, and `common_tasks` is not asked
             for; or they share none.
+        OutcomeError: no task is left.
     """
     chosen = np.ones(len(episodes), np.bool_)
     for agent, by_label in tasks.items():
@@ -369,11 +505,12 @@ def _pair_tasks(
             difference = _difference(episodes, agent, label, numbers, base)
             remedy = "--unpaired compares them as samples of different tasks"
             if not np.intersect1d(numbers, base).size:
-                raise OutcomeError(f"{difference}; they share none, and {remedy}")
+                raise PairingError(difference, f"they share none, and {remedy}")
             if not common_tasks:
-                raise OutcomeError(
-                    f"{difference}; --common-tasks reports the {quantity(len(shared), 'task')} that"
-                    f" all conditions have, {remedy}"
+                raise PairingError(
+                    difference,
+                    f"--common-tasks reports the {quantity(len(shared), 'task')} that all"
+                    f" conditions have, {remedy}",
                 )
         if common_tasks and not len(shared):
             raise OutcomeError("--common-tasks: the conditions share no task")

@@ -11,9 +11,8 @@ import numpy as np
 from hijack_data.choices import CLEAN
 
 from .episode_columns import CellEpisodes, CellKey, CellScores, EpisodeColumns, PairKey
+from .record_score import ResultRecord, score_value
 from .record_score import counts as counts
-from .record_score import score_value
-from .records import ResultRecord
 
 ScoreRow: TypeAlias = dict[str, Any]
 COLUMNS = (
@@ -160,15 +159,25 @@ def score_lists(cell: ScoreByCase) -> ScoreLists:
     return list(cell.values()), task_names(cell)
 
 
-def pairs_with_clean(agent: str, scores: ScoreByCell) -> PairedCases:
-    """Return the cases of `pairs` of clean and each corruption of an agent, after each other."""
-    clean = scores.get((agent, CLEAN), {})
+def pooled_pairs(agent: str, labels: Iterable[str], groups: GroupedRecords) -> PairedCases:
+    """Return the cases of `pairs_in_cell` of several corruptions of an agent, after each other."""
     columns: tuple[list[Any], list[Any], list[Any]] = [], [], []
-    for (name, label), cell in scores.items():
-        if name == agent and label != CLEAN:
-            for column, values in zip(columns, pairs(clean, cell), strict=True):
-                column += values.tolist() if isinstance(values, np.ndarray) else values
+    for label in labels:
+        for column, values in zip(columns, pairs_in_cell((agent, label), groups), strict=True):
+            column += values.tolist() if isinstance(values, np.ndarray) else values
     return columns
+
+
+def pooled_samples(
+    agent: str, labels: Iterable[str], groups: GroupedRecords
+) -> tuple[ScoreLists, ScoreLists]:
+    """Return the clean scores of an agent, and those of several corruptions after each other."""
+    pooled: tuple[list[Any], list[Any]] = [], []
+    for label in labels:
+        cell = score_lists(groups.scored[agent, label])
+        for column, values in zip(pooled, cell, strict=True):
+            column += values.tolist() if isinstance(values, np.ndarray) else values
+    return score_lists(groups.scored.get((agent, CLEAN), {})), pooled
 
 
 def _infer(table: Sequence[ScoreRow], groups: GroupedRecords) -> None:

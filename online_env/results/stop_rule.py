@@ -91,6 +91,17 @@ class StopRule:
         """Return the rule as JSON data."""
         return {"retention": self.retention, "confidence": self.confidence, "seed": self.seed}
 
+    @property
+    def tasks_needed(self) -> int:
+        """How many tasks show the retention if all are solved and nothing is lost."""
+        count = 64
+        while True:
+            ones = np.ones(count)
+            stop = BettingSequence(clean=ones, corrupted=ones).stop(self.retention, self.confidence)
+            if stop is not None:
+                return stop
+            count *= 2
+
     def due_episodes(
         self, config: Mapping[str, Any], episodes: Sequence[str], records: Sequence[ResultRecord]
     ) -> tuple[str, ...]:

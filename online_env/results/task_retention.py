@@ -11,7 +11,7 @@ from hijack_data.plan import CLEAN
 
 from . import scores
 from .intervals import Floats64
-from .records import ResultRecord
+from .record_score import ResultRecord
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 
-from hijack_data.config.files import read_config
+from hijack_data.config_files import read_config
 from hijack_data.errors import HijackError, UnknownNameError, shorten_list, suggest
 
 from .errors import LeakError

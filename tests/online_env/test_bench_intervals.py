@@ -8,11 +8,12 @@ import pytest
 
 pytest.importorskip("scipy", reason="needs the extra [online]")
 
-from scipy import stats
+from scipy import special, stats
 
 from hijack_data.errors import ParameterError
 from online_env.results import scores
 from online_env.results import statistics as s
+from online_env.results.exact_bounds import exact_lower_end
 
 from support.reported import scored
 
@@ -29,17 +30,53 @@ def ends(interval):
     return interval.low, interval.high
 
 
+def wider(successes, trials, level=0.95):
+    """The wider of Wilson's ends and the exact one-sided ones, by scipy."""
+    ends = stats.binomtest(successes, trials).proportion_ci(level, method="wilson")
+    above, below = (
+        stats.binomtest(successes, trials, alternative=side).proportion_ci(level, "exact")
+        for side in ("greater", "less")
+    )
+    return pytest.approx((min(ends.low, above.low), max(ends.high, below.high)))
+
+
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("solved", [0, 1, 12, 23, 24])
 def test_one_method_from_no_success_to_all(solved, level):
-    """At 0 and 100 % it is Wilson's, and so it is between; seeds that end alike add nothing."""
+    """At 0 and 100 % it is Wilson's, or wider near them; seeds that end alike add nothing."""
     outcomes = [1.0] * solved + [0.0] * (24 - solved)
     tasks = list(range(24))
     once = s.mean_interval(outcomes, tasks, level=level)
-    assert ends(once) == wilson(solved, 24, level)
-    assert ends(s.mean_interval(outcomes * 3, tasks * 3, level=level)) == wilson(solved, 24, level)
+    assert ends(once) == wider(solved, 24, level)
+    assert ends(s.mean_interval(outcomes * 3, tasks * 3, level=level)) == wider(solved, 24, level)
     grand = s.grand_mean_interval([(outcomes, tasks)] * 4, level=level)
-    assert ends(grand) == wilson(solved, 24, level)
+    assert ends(grand) == wider(solved, 24, level)
+    if solved in (0, 24) and level > 0.5:
+        assert ends(once) == wilson(solved, 24, level)
+
+
+@pytest.mark.parametrize("tasks", [12, 24, 122])
+def test_every_rate_near_0_and_1_is_held_as_often_as_promised(tasks):
+    """Exact coverage, not simulated; Wilson's is 84 % at its worst."""
+    intervals = [
+        s.mean_interval([1.0] * solved + [0.0] * (tasks - solved), range(tasks))
+        for solved in range(tasks + 1)
+    ]
+    for rate in np.linspace(0.001, 0.999, 999):
+        holds = [interval.low <= rate <= interval.high for interval in intervals]
+        coverage = stats.binom.pmf(np.arange(tasks + 1), tasks, rate) @ holds
+        assert coverage >= (0.95 if min(rate, 1 - rate) * tasks < 0.35 else 0.915), rate
+
+
+def test_the_exact_bound_is_scipys():
+    rng = np.random.default_rng(0)
+    for _ in range(500):
+        tasks, successes = rng.uniform(5, 500), np.exp(rng.uniform(-3, np.log(30)))
+        failures = max(0.0, tasks - successes)
+        exact = special.betaincinv(successes, failures + 1, 0.05)
+        low = min(0.999, exact * rng.uniform(0.9, 1.5))
+        expected = pytest.approx(min(low, exact), rel=1e-8, abs=1e-30)
+        assert exact_lower_end(successes, failures, 0.95, low) == expected
 
 
 def test_a_better_result_has_no_lower_interval():

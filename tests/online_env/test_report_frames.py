@@ -9,6 +9,7 @@ pytest.importorskip("statsmodels", reason="needs the extra [dev]")
 
 import pandas as pd
 import pyarrow as pa
+from scipy import stats
 from statsmodels.stats.contingency_tables import mcnemar
 from statsmodels.stats.proportion import proportion_confint
 
@@ -52,6 +53,17 @@ def test_a_frame_comes_back_as_what_it_was_given(frame):
     assert compare(frame, **NAMES).to_frame().delta.tolist()[1] == rows["delta"][1].as_py()
     polars = pytest.importorskip("polars")
     assert isinstance(compare(polars.from_arrow(table), **NAMES).to_frame(), polars.DataFrame)
+
+
+def test_different_tasks_are_compared_as_unpaired_when_told(frame):
+    other = frame.assign(id=frame.noise + frame.id, used=1.5)
+    with pytest.raises(OutcomeError, match="--unpaired"):
+        compare(other, **NAMES)
+    result = compare(other, **NAMES, unpaired=True, cost="used")
+    before, after = (frame.reward[frame.noise == noise] for noise in ("none", "popup"))
+    welch = stats.ttest_ind(after, before, equal_var=False)
+    cell = result.cells[1]
+    assert (cell.p, cell.usd) == (pytest.approx(welch.pvalue), 90.0)
 
 
 def test_a_missing_score_is_invalid_and_what_is_no_result_is_refused(frame):

@@ -73,6 +73,8 @@ def test_logs_of_inspect_are_read_and_an_error_is_no_zero(log_format, tmp_path):
     marks = report.cell("mockllm/model", "marks")
     assert (marks.n, marks.invalid, marks.success) == (5, 1, 2 / 5)
     assert report.cell("mockllm/model", "clean").success == 5 / 6
+    tokens = next(row for row in report.measures if row.measure == "tokens")
+    assert (tokens.tasks, tokens.mean_clean, tokens.mean_corrupted) == (5, 2.0, 2.0)
     with pytest.raises(OutcomeError, match="has no scorer 'mach'; did you mean 'match'"):
         collect_run(sources, columns={"score": "mach"})
     with pytest.raises(OutcomeError, match="neither metadata nor task arguments have 'noise'"):

@@ -113,6 +113,81 @@ def test_a_column_that_only_later_lines_have_is_refused(tmp_path):
         collect_run([path])
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("a.csv", "task,score\n t0,1\n", "result 1: the task ' t0' begins or ends with a space"),
+        ("a.csv", "task;score\nt0;1\n", "is one column; separate columns by commas"),
+        ("a.csv", "task,score\nt\xe9,1\n", "is not UTF-8"),
+        ("a.csv", "task,score,steps\na,1,-2\n", "line 2: steps '-2' is no number of at least 0"),
+        ("a.csv", "task,score,seed\na,1,1_0\n", "line 2: the seed '1_0' is no whole number"),
+        ("a.jsonl", '{"task": "a", "score": 1, "score": 0}\n', "has the key 'score' twice"),
+        ("a.jsonl", '{"task": "a", "score": 1}\n{"task": 1, "score": 1}\n', "of another type"),
+        ("a.jsonl", '[{"task": "a", "score": 1}]\n', "is no object; write one object a line"),
+    ],
+)
+def test_what_would_be_read_wrong_without_a_word_is_refused(name, text, said, tmp_path):
+    path = tmp_path / name
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(OutcomeError) as error:
+        collect_run([path])
+    assert str(path) in str(error.value)
+    assert said in str(error.value)
+
+
+def test_sources_and_columns_are_given_once(tmp_path):
+    path = write_csv(tmp_path / "a.csv", rows())
+    with pytest.raises(OutcomeError, match="is given twice"):
+        collect_run([path, tmp_path / ".." / tmp_path.name / "a.csv"])
+    with pytest.raises(OutcomeError, match="'task' is that of the task and of the agent"):
+        collect_run([path], columns={"agent": "task"})
+    results_folder(tmp_path / "o", "gpt-4o", scores=[1])
+    with pytest.raises(OutcomeError, match="--columns score= is not for this format, which takes"):
+        collect_run([tmp_path / "o"], columns={"score": "x"})
+
+
+def test_steps_tokens_and_cost_are_compared_where_they_are_known(tmp_path):
+    listed = [
+        {**row, "steps": 4 + 2 * at, "cost": "" if at == 3 else 0.25, "read": 1000}
+        for at, row in enumerate(rows())
+    ]
+    path = write_csv(tmp_path / "r.csv", listed)
+    report = build_report(collect_run([path], columns={"tokens": "read"}))
+    rows_by_name = {row.measure: row for row in report.measures}
+    assert list(rows_by_name) == ["steps", "tokens", "usd"]
+    steps = rows_by_name["steps"]
+    assert (steps.tasks, steps.mean_clean, steps.change) == (6, 9.0, 12.0)
+    assert rows_by_name["usd"].tasks == 5  # the clean one of t3 is not known, and is no 0
+    cells = {cell.corruption: (cell.steps, cell.usd) for cell in report.cells}
+    assert cells == {"clean": (9.0, None), "marks": (21.0, 1.5)}
+    listed = [{**row, "steps": 5 + at % 6 + (at > 5) * (at % 3)} for at, row in enumerate(rows())]
+    (row,) = build_report(collect_run([write_csv(tmp_path / "t.csv", listed)])).measures
+    test = stats.ttest_1samp([0, 1, 2, 0, 1, 2], 0)
+    assert row.p == pytest.approx(test.pvalue)
+    assert (row.change_low, row.change_high) == pytest.approx(tuple(test.confidence_interval()))
+
+
+def test_a_gate_judges_results_of_others_paired_and_unpaired(tmp_path, capsys):
+    paired = write_csv(tmp_path / "paired.csv", rows())
+    other = [row | {"task": row["condition"] + row["task"]} for row in rows()]
+    unpaired = write_csv(tmp_path / "unpaired.csv", other)
+    for words, code, said in (
+        ([paired, "--fail-under", "retention=0.3"], 0, "retention of mine is 0.400, at least 0.3"),
+        ([unpaired, "--fail-under", "retention=0.3"], 2, "they share none"),
+        ([unpaired, "--unpaired", "--fail-under", "retention=0.5"], 1, "is 0.400, below 0.5"),
+        ([unpaired, "--unpaired", "--fail-under", "delta.marks=-0.6"], 0, "-0.500, at least -0.6"),
+        ([unpaired, "--unpaired", "--fail-under", "retention_low=0.9"], 1, "below 0.9"),
+    ):
+        with pytest.raises(SystemExit) as ended:
+            main(["gate", *map(str, words), "--junit", str(tmp_path / "junit.xml")])
+        assert (ended.value.code, said in capsys.readouterr().err) == (code, True), words
+    low = build_report(collect_run([unpaired], unpaired=True)).summaries[0].retention_low
+    gate = f"retention_low={low - 1e-6}"
+    with pytest.raises(SystemExit) as ended:
+        main(["gate", str(unpaired), "--unpaired", "--fail-under", gate])
+    assert ended.value.code == 0
+
+
 def test_one_task_one_seed_and_no_clean_run_are_said(tmp_path):
     single = [row for row in rows() if row["task"] == "t0"]
     notes = build_report(collect_run([write_csv(tmp_path / "one.csv", single)])).notes

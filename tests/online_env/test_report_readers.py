@@ -62,6 +62,55 @@ def test_jobs_of_harbor_are_conditions_by_the_names_of_their_folders(tmp_path):
     assert success([tmp_path], columns=columns)[1][("terminus-2 (gpt)", "run-7")] == 0.25
 
 
+def measures(sources, **options):
+    rows = build_report(collect_run(sources, **options)).measures
+    return {row.measure: (row.tasks, row.mean_clean, row.mean_corrupted) for row in rows}
+
+
+def trajectory(agent_steps, **totals):
+    """A trajectory in ATIF; its first step is the user's."""
+    steps = [{"step_id": 1, "source": "user", "message": "do it"}]
+    steps += [{"step_id": 2 + n, "source": "agent", "message": ""} for n in range(agent_steps)]
+    agent = {"name": "a", "version": "1", "model_name": "m"}
+    return {"schema_version": "ATIF-v1.7", "agent": agent, "steps": steps, "final_metrics": totals}
+
+
+def test_what_an_episode_took_is_read_where_a_format_has_it(tmp_path):
+    harbor, atif = harbor_jobs(tmp_path / "harbor"), tmp_path / "atif"
+    agentlab, cua = tmp_path / "agentlab", tmp_path / "cua"
+    for label in SOLVED:
+        more = 3 * (label == "marks")
+        for number in range(4):
+            path = harbor / label / f"t{number}__abcdefg" / "result.json"
+            used = {"n_input_tokens": 100, "n_output_tokens": 10 + more, "cost_usd": 0.5}
+            write_json(path, json.loads(path.read_text()) | {"agent_result": used})
+            write_json(path.parent / "agent" / "trajectory.json", trajectory(7 + more))
+            totals = {"total_prompt_tokens": 5, "total_completion_tokens": 1 + more}
+            extra = {"task": f"t{number}", "noise": label, "reward": 1}
+            data = trajectory(2 + more, **totals, total_steps=99) | {"extra": extra}
+            write_json(atif / f"{label}-{number}.json", data)
+            name = f"2026-01-01_10-20-52_Generic_on_miniwob.t-{number}_64"
+            spent = {"stats.cum_input_tokens": 8, "stats.cum_output_tokens": 2, "n_steps": 3 + more}
+            experiment(agentlab / label, name, cum_reward=1, **spent, **{"stats.cum_cost": 0.0})
+            cua_trace(cua / label, f"click_v{number}", [("evaluate", {"result": [1.0]})])
+            path = cua / label / f"click_v{number}" / "trajectory.json"
+            write_json(path, trajectory(4 + more))
+    steps, tokens = (4, 7.0, 10.0), (4, 110.0, 113.0)
+    assert measures([harbor]) == {"steps": steps, "tokens": tokens, "usd": (4, 0.5, 0.5)}
+    columns = parse_columns("task=task,condition=noise,score=reward")
+    value = measures([atif], columns=columns)
+    assert value == {"steps": (4, 2.0, 5.0), "tokens": (4, 6.0, 9.0)}
+    # AgentLab writes a cost of 0 for a model whose price it does not know.
+    assert measures([agentlab]) == {"steps": (4, 3.0, 6.0), "tokens": (4, 10.0, 10.0)}
+    value = build_report(collect_run([cua / "clean", cua / "marks"])).cells
+    assert [cell.steps for cell in value] == [4.0, 7.0]
+    path = harbor / "clean" / "t0__abcdefg" / "result.json"
+    used = {"n_input_tokens": None, "n_output_tokens": 1, "cost_usd": -1}
+    write_json(path, json.loads(path.read_text()) | {"agent_result": used})
+    with pytest.raises(OutcomeError, match="cost_usd must be a number of at least 0, got -1"):
+        collect_run([harbor])
+
+
 def test_a_trial_without_a_valid_reward_is_no_zero(tmp_path):
     for name, result in {
         "a": trial("a", {"reward": 1}),

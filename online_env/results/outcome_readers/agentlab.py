@@ -7,12 +7,15 @@ too, but a pickle of somebody else is code, and is not opened.
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from ..outcomes import EpisodeOutcome, OutcomeError
-from .result_folders import check_score, field, find_condition, read_object
+from .result_folders import check_score, field, find_condition, read_object, sum_amounts
 
 SUMMARY = "summary_info.json"
 ARGUMENTS = "exp_args.pkl"
+_TOKENS = ("stats.cum_input_tokens", "stats.cum_output_tokens")
+_COST = "stats.cum_cost"
 _JOINT = "_on_"
 # Older versions append six digits of a hash, newer ones a number where a name is taken.
 _NAME = re.compile(
@@ -26,8 +29,11 @@ class AgentLabReader:
 
     The score is `cum_reward`. An experiment that ended with an error, or that did not end, has no
     outcome; those that AgentLab ran again (`_...`) are left out, as AgentLab does. The condition is
-    a folder named after a corruption, or `--columns condition=N`.
+    a folder named after a corruption, or `--columns condition=N`. AgentLab writes 0 tokens and 0
+    USD where it does not know them, so these say nothing.
     """
+
+    fields = ("condition",)
 
     def detect(self, source: Path) -> bool:
         """Return whether a folder holds an experiment of AgentLab."""
@@ -45,7 +51,9 @@ class AgentLabReader:
         """
         for folder in sorted(_experiments(source)):
             agent, task, seed = _parse_name(folder)
-            score, problem = _score(folder / SUMMARY)
+            path = folder / SUMMARY
+            summary = _read_summary(path)
+            score, problem = _score(summary, path)
             yield EpisodeOutcome(
                 agent=agent,
                 task=task,
@@ -53,6 +61,9 @@ class AgentLabReader:
                 score=score,
                 seed=seed,
                 problem=problem,
+                steps=sum_amounts(summary, path, "n_steps"),
+                tokens=sum_amounts(summary, path, *_TOKENS) or None,
+                cost=sum_amounts(summary, path, _COST) or None,
             )
 
 
@@ -83,15 +94,21 @@ def _parse_name(folder: Path) -> tuple[str, str, int]:
     return match["agent"], match["task"], int(match["seed"])
 
 
-def _score(path: Path) -> tuple[float | None, str]:
+def _read_summary(path: Path) -> dict[str, Any] | None:
+    """Return a summary; `None` if the experiment has none."""
+    if not path.exists() or not path.stat().st_size:
+        return None
+    return read_object(path, "a summary of AgentLab")
+
+
+def _score(summary: Mapping[str, Any] | None, path: Path) -> tuple[float | None, str]:
     """Return the score of an experiment, or `None` and why it has none.
 
     Raises:
         OutcomeError: the summary has another form.
     """
-    if not path.exists() or not path.stat().st_size:
+    if summary is None:
         return None, f"has no {SUMMARY}"
-    summary = read_object(path, "a summary of AgentLab")
     error = field(summary, path, "err_msg", kind=(str, type(None)))
     reward = field(summary, path, "cum_reward", kind=(int, float))
     if error:

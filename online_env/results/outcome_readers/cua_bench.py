@@ -14,10 +14,12 @@ from hijack_data.errors import short_repr
 
 from ...extra import require
 from ..outcomes import EpisodeOutcome, OutcomeError
+from .atif import is_atif, read_trajectory, trajectory_amounts
 from .result_folders import check_score, field, find_condition, read_object
 
 _RESULT = "result.json"
 _TRACE = "task_*_trace"
+_TRAJECTORY = "trajectory.json"
 _SCHEMA_VERSIONS = (1,)
 _EPISODE = re.compile(r"(?P<task>.+)_v(?P<variant>\d+)(_a(?P<attempt>\d+))?")
 _COLUMNS = ("event_name", "data_json")
@@ -30,7 +32,10 @@ class CuaBenchReader:
 
     A task is a task with its variant, and attempts repeat it. An episode that was not evaluated has
     no outcome. The condition is a folder named after a corruption, or `--columns condition=N`.
+    Steps and tokens are those of `trajectory.json`, which newer versions write.
     """
+
+    fields = ("condition",)
 
     def detect(self, source: Path) -> bool:
         """Return whether a folder holds the trace of an episode."""
@@ -77,6 +82,10 @@ def _outcome(
         score = None if reward is None else check_score(reward, path, "reward")
     else:
         score, problem = _evaluated(_find_trace(folder)), "was not evaluated"
+    trajectory = folder / _TRAJECTORY
+    amounts: dict[str, float | None] = {}
+    if is_atif(trajectory):
+        amounts = trajectory_amounts(read_trajectory(trajectory), trajectory)
     return EpisodeOutcome(
         agent=agent,
         task=f"{match['task']}_v{match['variant']}",
@@ -84,6 +93,9 @@ def _outcome(
         score=score,
         seed=int(match["attempt"] or 0),
         problem="" if score is not None else problem[:200],
+        steps=amounts.get("steps"),
+        tokens=amounts.get("tokens"),
+        cost=amounts.get("cost"),
     )
 
 

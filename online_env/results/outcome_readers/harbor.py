@@ -7,9 +7,11 @@ from typing import Any
 from hijack_data.errors import shorten_list, suggest
 
 from ..outcomes import EpisodeOutcome, OutcomeError
-from .result_folders import check_score, field, find_condition, head, read_object
+from .atif import is_atif, read_trajectory, trajectory_amounts
+from .result_folders import check_score, field, find_condition, head, read_object, sum_amounts
 
 RESULT = "result.json"
+_TRAJECTORY = ("agent", "trajectory.json")  # below the folder of a trial
 _VERSIONS = (None, 1)  # of the document; files without one are of the first
 _MAX_DEPTH = 3  # of a trial below the source: jobs/JOB/TRIAL
 # Errors after which Harbor takes a reward as valid; newer files say so themselves (reward_valid).
@@ -33,8 +35,10 @@ class HarborReader:
 
     An agent is Harbor's agent with its model. A trial without a valid reward has no outcome. The
     condition is a folder named after a corruption, or `--columns condition=N`; `score=KEY` chooses
-    one of several rewards.
+    one of several rewards. Steps are those of the agent's trajectory, if it wrote one.
     """
+
+    fields = ("condition", "score")
 
     def detect(self, source: Path) -> bool:
         """Return whether a folder holds the result of a trial."""
@@ -76,6 +80,13 @@ def _outcome(source: Path, path: Path, columns: Mapping[str, str]) -> EpisodeOut
     if field(result, path, "agent_info", "model_info", kind=(dict, _NONE)) is not None:
         agent += f" ({field(result, path, 'agent_info', 'model_info', 'name', kind=str)})"
     score, problem = _score(result, path, columns.get("score"))
+    trajectory = path.parent.joinpath(*_TRAJECTORY)
+    amounts: dict[str, float | None] = {}
+    if is_atif(trajectory):
+        amounts = trajectory_amounts(read_trajectory(trajectory), trajectory)
+    used = result.get("agent_result")
+    tokens = sum_amounts(used, path, "n_input_tokens", "n_output_tokens")
+    cost = sum_amounts(used, path, "cost_usd")
     return EpisodeOutcome(
         agent=agent,
         task=field(result, path, "task_name", kind=str),
@@ -84,6 +95,9 @@ def _outcome(source: Path, path: Path, columns: Mapping[str, str]) -> EpisodeOut
         problem=problem,
         version=f"{agent} {version}",
         content=field(result, path, "task_checksum", kind=str),
+        steps=amounts.get("steps"),
+        tokens=amounts.get("tokens") if tokens is None else tokens,
+        cost=amounts.get("cost") if cost is None else cost,
     )
 
 

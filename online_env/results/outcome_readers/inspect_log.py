@@ -28,8 +28,11 @@ _KEYS: Mapping[str, Sequence[str]] = {
 class InspectReader:
     """Reads logs of Inspect; an agent is a model, a task a sample, and epochs repeat it.
 
-    A sample that ended with an error, or that was not scored, has no outcome.
+    A sample that ended with an error, or that was not scored, has no outcome. Steps are turns;
+    tokens and cost are those of the evaluated model, without the models that grade.
     """
+
+    fields = ("task", "condition", "agent", "score", "seed")
 
     def detect(self, source: Path) -> bool:
         """Return whether a file is a log, or a folder holds some."""
@@ -77,6 +80,7 @@ def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> E
     if seed is None or is_repeated:
         seed = sample.epoch - 1 if seed is None else None  # both: numbered in their order
     task = _value(log, sample, "task", columns, place)
+    usage = sample.model_usage.get(log.eval.model)
     return EpisodeOutcome(
         agent=str(_value(log, sample, "agent", columns, place) or log.eval.model),
         task=f"{log.eval.task}/{sample.id}" if task is None else str(task),
@@ -86,6 +90,9 @@ def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> E
         problem=problem,
         version=f"inspect_ai {log.eval.packages.get('inspect_ai', 'of no stated version')}",
         content=_content(log, sample) if task is None else "",
+        steps=sample.turn_count,
+        tokens=None if usage is None else float(usage.total_tokens),
+        cost=None if usage is None else usage.total_cost,
     )
 
 

@@ -47,6 +47,8 @@ class OSWorldReader:
     where names do not tell.
     """
 
+    fields = ("condition", "agent")
+
     def detect(self, source: Path) -> bool:
         """Return whether a folder holds a `result.txt` in the folder of a task."""
         return source.is_dir() and any(

@@ -8,6 +8,7 @@ from typing import Any
 from hijack_data.corruption import CORRUPTIONS
 from hijack_data.errors import short_repr
 from hijack_data.plan import CLEAN
+from hijack_data.runs.amounts import is_amount
 
 from ..outcomes import OutcomeError
 
@@ -123,6 +124,30 @@ def check_score(value: Any, path: Path, name: str) -> float:
             " scores to a table, scaled, and give that"
         )
     return float(value)
+
+
+def sum_amounts(data: Any, path: Path, *keys: str) -> float | None:
+    """Return the sum of amounts in an object, such as of tokens read and written.
+
+    Args:
+        data: the object; `None` if the file has none.
+        path: its file, for messages.
+        keys: of the amounts.
+
+    Returns:
+        `None` unless all are there: a part would pass for the whole.
+
+    Raises:
+        OutcomeError: one is no number of at least 0.
+    """
+    values = [data.get(key) if isinstance(data, Mapping) else None for key in keys]
+    for key, value in zip(keys, values, strict=True):
+        if value is not None and not is_amount(value):
+            raise OutcomeError(
+                f"{path}: {key} must be a number of at least 0, got {short_repr(value)}; remove it"
+                " if it is not known"
+            )
+    return None if None in values else float(sum(filter(is_amount, values)))
 
 
 def head(path: Path, size: int = 4096) -> bytes:

@@ -5,19 +5,20 @@ import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 from typing import Any
 
 from hijack_data.errors import short_repr, suggest
 from hijack_data.plan import CLEAN
+from hijack_data.runs.amounts import is_amount
 
 from ...extra import require
-from ..outcome_formats import FIELDS
+from ..outcome_formats import AMOUNTS, FIELDS
 from ..outcomes import OutcomeBatch, OutcomeError
 
 _REQUIRED = ("task", "score")
-_NO_SCORE = ("", "none", "null", "n/a", "na")
+_NO_NUMBER = ("", "none", "null", "n/a", "na")
 _BATCH = 65_536  # rows that are in memory as Python objects at once
 _MAX_SEED = 2**63
 
@@ -44,6 +45,8 @@ class TableReader:
     clean; without `seed`, the rows of a task are its repetitions.
     """
 
+    fields = FIELDS
+
     def detect(self, source: Path) -> bool:
         """Return whether the name of a file is that of a table."""
         return source.is_file() and source.suffix.lower() in _ROWS
@@ -67,8 +70,11 @@ class TableReader:
             for rows in _ROWS[source.suffix.lower()](source, list(names.values())):
                 if not fields:
                     fields = _check_columns(source, rows.columns, names, columns)
-                yield _batch(source, rows, {field: names[field] for field in fields})
-        except (OSError, UnicodeDecodeError, csv.Error) as error:
+                found = {field: names[field] for field in fields}
+                yield _batch(str(source), source.stem, rows, found)
+        except UnicodeDecodeError as error:
+            raise OutcomeError(f"{source}: is not UTF-8 ({error}); save it as UTF-8") from None
+        except (OSError, csv.Error) as error:
             raise OutcomeError(f"{source}: cannot be read ({error})") from None
 
 
@@ -86,14 +92,59 @@ def _check_columns(
                 f"{source}: has no column {column!r}{suggest(column, list(available))}; name that"
                 f" of the {field} with --columns {field}=COLUMN"
             )
-    return {field for field, column in names.items() if column in available}
+    present = {field: column for field, column in names.items() if column in available}
+    check_columns_differ(present)
+    return set(present)
 
 
-def _batch(source: Path, rows: _Rows, names: Mapping[str, str]) -> OutcomeBatch:
+def check_columns_differ(columns: Mapping[str, str]) -> None:
+    """Check that each field has a column of its own.
+
+    Args:
+        columns: the column of each field that a table has.
+
+    Raises:
+        OutcomeError: two fields have the same.
+    """
+    field_by_column: dict[str, str] = {}
+    for field, column in columns.items():
+        other = field_by_column.setdefault(column, field)
+        if other != field:
+            raise OutcomeError(
+                f"the column {column!r} is that of the {other} and of the {field}; name another"
+                " for one of them"
+            )
+
+
+def read_arrow(table: Any, columns: Mapping[str, str], agent: str) -> Iterator[OutcomeBatch]:
+    """Yield the outcomes of a table of pyarrow.
+
+    Args:
+        table: the table.
+        columns: the column of each field that it has.
+        agent: the agent where no column names one.
+
+    Raises:
+        OutcomeError: a value is no result; the message names the row.
+    """
+    start = 1
+    for batch in table.select(sorted(set(columns.values()))).to_batches(max_chunksize=_BATCH):
+        numbers = range(start, start + batch.num_rows)
+        yield _batch("the table", agent, _arrow_rows(batch, numbers), columns)
+        start += batch.num_rows
+
+
+def _arrow_rows(batch: Any, numbers: Sequence[int]) -> _Rows:
+    values = {name: batch.column(name).to_pylist() for name in batch.schema.names}
+    return _Rows(columns=values, unit="row", numbers=numbers)
+
+
+def _batch(source: str, agent: str, rows: _Rows, names: Mapping[str, str]) -> OutcomeBatch:
     """Return the outcomes of some rows.
 
     Args:
         source: the file, for messages.
+        agent: the agent where no column names one.
         rows: the rows.
         names: the column of each field that the table has.
 
@@ -108,7 +159,7 @@ def _batch(source: Path, rows: _Rows, names: Mapping[str, str]) -> OutcomeBatch:
 
     scores = _scores(values["score"], place)
     return OutcomeBatch(
-        agents=_names(values, "agent", place) if "agent" in values else [source.stem] * count,
+        agents=_names(values, "agent", place) if "agent" in values else [agent] * count,
         tasks=_names(values, "task", place),
         conditions=_names(values, "condition", place) if "condition" in values else [CLEAN] * count,
         scores=scores,
@@ -118,6 +169,7 @@ def _batch(source: Path, rows: _Rows, names: Mapping[str, str]) -> OutcomeBatch:
             for position, score in (enumerate(scores) if None in scores else ())
             if score is None
         },
+        amounts={name: _amounts(values[name], name, place) for name in AMOUNTS if name in values},
     )
 
 
@@ -139,6 +191,11 @@ def _names(values: Mapping[str, Sequence[Any]], field: str, place: Any) -> Seque
                 f"{place(position)}: the {field} {short_repr(value)} is neither a text nor a whole"
                 " number"
             )
+        if type(value) is not type(column[0]):  # 1 and "1" would become one name
+            raise OutcomeError(
+                f"{place(position)}: the {field} {short_repr(value)} is of another type than"
+                f" {short_repr(column[0])}; write texts, or whole numbers, in every row"
+            )
     return [str(value) for value in column]
 
 
@@ -154,6 +211,17 @@ def _scores(column: Sequence[Any], place: Any) -> Sequence[float | None]:
     return [_score(value, position, place) for position, value in enumerate(column)]
 
 
+def _plain(value: Any) -> Any:
+    """Return a value that is to become a number.
+
+    Raises:
+        ValueError: it is a text with an underscore, which Python alone takes for part of a number.
+    """
+    if isinstance(value, str) and "_" in value:
+        raise ValueError(value)
+    return value
+
+
 def _has_nan(column: Sequence[float]) -> bool:
     return isnan(sum(column))
 
@@ -164,13 +232,13 @@ def _score(value: Any, position: int, place: Any) -> float | None:
     Raises:
         OutcomeError: it is not a number in 0..1.
     """
-    if value is None or (isinstance(value, str) and value.strip().lower() in _NO_SCORE):
+    if value is None or (isinstance(value, str) and value.strip().lower() in _NO_NUMBER):
         return None
     if isinstance(value, bool) or (isinstance(value, str) and value.lower() in ("true", "false")):
         return float(str(value).lower() == "true")
     try:
-        number = float(value)
-    except (TypeError, ValueError):
+        number = float(_plain(value))
+    except (TypeError, ValueError, OverflowError):
         raise OutcomeError(
             f"{place(position)}: the score {short_repr(value)} is no number; leave it empty if the"
             " episode has no outcome"
@@ -182,6 +250,32 @@ def _score(value: Any, position: int, place: Any) -> float | None:
     if not 0 <= number <= 1:
         raise OutcomeError(
             f"{place(position)}: the score {number:g} is not in 0..1; scale the column"
+        )
+    return number
+
+
+def _amounts(column: Sequence[Any], name: str, place: Any) -> Sequence[float | None]:
+    """Return the steps, tokens or cost of some rows, `None` where the table has none.
+
+    Raises:
+        OutcomeError: one is no number of at least 0.
+    """
+    if set(map(type, column)) <= {int, float} and all(map(is_amount, column)):
+        return column
+    return [_amount(value, name, position, place) for position, value in enumerate(column)]
+
+
+def _amount(value: Any, name: str, position: int, place: Any) -> float | None:
+    if value is None or (isinstance(value, str) and value.strip().lower() in _NO_NUMBER):
+        return None
+    try:
+        number = nan if isinstance(value, bool) else float(_plain(value))
+    except (TypeError, ValueError, OverflowError):
+        number = nan
+    if not is_amount(number):
+        raise OutcomeError(
+            f"{place(position)}: {name} {short_repr(value)} is no number of at least 0; leave it"
+            " empty if it is not known"
         )
     return number
 
@@ -201,7 +295,7 @@ def _seed(value: Any, position: int, place: Any) -> int:
     try:
         if isinstance(value, bool) or (isinstance(value, float) and not value.is_integer()):
             raise ValueError
-        seed = int(value)
+        seed = int(_plain(value))
     except (TypeError, ValueError, OverflowError):
         raise OutcomeError(
             f"{place(position)}: the seed {short_repr(value)} is no whole number"
@@ -240,10 +334,15 @@ def _check_header(source: Path, header: Sequence[str]) -> None:
     twice = next((name for name in header if header.count(name) > 1), None)
     if twice is not None:
         raise OutcomeError(f"{source}: has two columns {twice!r}; rename one")
+    if len(header) == 1 and any(sign in header[0] for sign in ";\t|"):
+        raise OutcomeError(
+            f"{source}: its first line {short_repr(header[0])} is one column; separate columns by"
+            " commas"
+        )
 
 
 def _json_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
-    with source.open(encoding="utf-8") as file:
+    with source.open(encoding="utf-8-sig") as file:
         first: set[str] | None = None
         numbered = ((number, line) for number, line in enumerate(file, 1) if not line.isspace())
         while batch := list(islice(numbered, _BATCH)):
@@ -264,12 +363,35 @@ def _json_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
 
 def _json_object(source: Path, number: int, line: str) -> dict[str, Any]:
     try:
-        row: object = json.loads(line)
-    except (ValueError, RecursionError):
-        raise OutcomeError(f"{source}: line {number}: is not JSON") from None
+        row: object = _DECODER.decode(line)
+    except OutcomeError as error:
+        raise OutcomeError(f"{source}: line {number}: {error}") from None
+    except (ValueError, RecursionError) as error:
+        reason = str(error)[:120]
+        raise OutcomeError(f"{source}: line {number}: is not JSON ({reason})") from None
     if not isinstance(row, dict):
-        raise OutcomeError(f"{source}: line {number}: is no object")
+        raise OutcomeError(
+            f"{source}: line {number}: is no object; write one object a line, with a key for each"
+            " column"
+        )
     return row
+
+
+def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON.
+
+    Raises:
+        OutcomeError: a key is there twice, of which Python's parser keeps the last without a word.
+    """
+    row = dict(pairs)
+    if len(row) < len(pairs):
+        names = [name for name, _ in pairs]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise OutcomeError(f"has the key {short_repr(twice)} twice; remove one")
+    return row
+
+
+_DECODER = json.JSONDecoder(object_pairs_hook=_unique_keys)
 
 
 def _parquet_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
@@ -283,9 +405,7 @@ def _parquet_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
         columns = [name for name in file.schema_arrow.names if name in wanted]
         start = 1
         for batch in file.iter_batches(_BATCH, columns=columns):
-            numbers = range(start, start + batch.num_rows)
-            values = {name: batch.column(name).to_pylist() for name in columns}
-            yield _Rows(columns=values, unit="row", numbers=numbers)
+            yield _arrow_rows(batch, range(start, start + batch.num_rows))
             start += batch.num_rows
     except pa.ArrowException as error:
         raise OutcomeError(f"{source}: is no Parquet ({error})") from None

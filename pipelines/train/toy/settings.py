@@ -7,7 +7,6 @@ from typing import Any
 
 from hijack_data.config.build import Builder
 from hijack_data.config.corruption_settings import check
-from hijack_data.config.files import read_config
 from hijack_data.config.nodes import (
     ConfigNode,
     MappingNode,
@@ -18,6 +17,7 @@ from hijack_data.config.nodes import (
     kind_of,
 )
 from hijack_data.config.yaml_reader import read_yaml
+from hijack_data.config_files import read_config
 from hijack_data.errors import UnknownNameError, suggest
 from hijack_data.params import Parameter, parameters
 from hijack_data.planner import Planner

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from hijack_data.config.files import read_config
 from hijack_data.config.nodes import Problems, plain
 from hijack_data.config.yaml_reader import read_yaml
+from hijack_data.config_files import read_config
 from hijack_data.errors import UnknownNameError
 from online_env.tasks import task_sets
 from pipelines.train.errors import LeakError

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from ..errors import ConfigError, suggest
+from .errors import ConfigError, suggest
 
 # The folder of an installed package that holds `configs/` of the repository.
 PACKAGE = "hijack_data._configs"
@@ -78,7 +78,7 @@ def _packaged() -> dict[str, Traversable]:
     try:
         root: Traversable = importlib.resources.files(PACKAGE)
     except ModuleNotFoundError:  # in a clone: the folder of the repository
-        root = Path(__file__).resolve().parents[2] / "configs"
+        root = Path(__file__).resolve().parents[1] / "configs"
     if not root.is_dir():
         return {}
     return dict(_walk(root, ""))
