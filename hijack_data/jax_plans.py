@@ -343,11 +343,11 @@ def apply_arrays(plans: PlanArrays, images: Any) -> Any:
     """
     _check_images(plans, images)
 
-    def one(arrays: tuple[Any, Any, Any]) -> Any:
+    def apply_one(arrays: tuple[Any, Any, Any]) -> Any:
         pastes, resizes, image = arrays
         return _apply_one(pastes, resizes, image, plans.canvas)
 
-    return _jax.lax.map(one, (plans.pastes, plans.resizes, images))
+    return _jax.lax.map(apply_one, (plans.pastes, plans.resizes, images))
 
 
 def _check_images(plans: PlanArrays, images: Any) -> None:

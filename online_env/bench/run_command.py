@@ -177,9 +177,9 @@ def _test(
     """Return the test that ends a run early, if there is one."""
     if benchmark.until_retention is None:
         return None
-    played = [record for attempt_records in earlier.values() for record in attempt_records]
+    earlier_records = [record for attempt_records in earlier.values() for record in attempt_records]
     ids = [job.id for job in earlier]
-    return SequentialTest(benchmark.until_retention, benchmark.to_data(), ids, played)
+    return SequentialTest(benchmark.until_retention, benchmark.to_data(), ids, earlier_records)
 
 
 def _begin_run(
@@ -264,7 +264,7 @@ def _play(
             at_once=pool.max_episodes,
             stop=stop or (lambda: None),
             budget=budget,
-            place=pool.place,
+            reserve=pool.reserve,
             test=_test(benchmark, earlier),
         )
 
@@ -291,7 +291,7 @@ def _notice(text: str) -> None:
 def _room(benchmark: Bench) -> int:
     """Return how many episodes can be played side by side."""
     if benchmark.machines is not None:
-        return len(benchmark.machines.each())
+        return len(benchmark.machines.single_machines())
     return default_desktops()
 
 

@@ -143,8 +143,8 @@ class OsworldEnv:
         for name in ("PYTHONPATH", "PYTHONHOME"):
             environment.pop(name, None)
         folder = settings.folder or settings.cache
-        for place in (settings.cache, folder):
-            place.mkdir(parents=True, exist_ok=True)
+        for path in (settings.cache, folder):
+            path.mkdir(parents=True, exist_ok=True)
         try:
             with log.open("ab") as errors:
                 self._process: subprocess.Popen[bytes] = subprocess.Popen(

@@ -112,16 +112,20 @@ def compare(
 
     arrow = _arrow_table(table)
     columns = {"task": task, "score": score, "condition": condition, "agent": agent, "seed": seed}
-    stated = {field: column for field, column in columns.items() if column is not None}
-    _check_columns(arrow.column_names, stated)
-    names = {field: stated.get(field, field) for field in FIELDS}
-    used = [name for name in dict.fromkeys(names.values()) if name in arrow.column_names]
+    named_columns = {field: column for field, column in columns.items() if column is not None}
+    _check_columns(arrow.column_names, named_columns)
+    names = {field: named_columns.get(field, field) for field in FIELDS}
+    used_columns = [name for name in dict.fromkeys(names.values()) if name in arrow.column_names]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / _FILE
-        parquet.write_table(arrow.select(used), path)
+        parquet.write_table(arrow.select(used_columns), path)
         try:
             run = collect_run(
-                [path], reader="table", columns=stated, clean=clean, common_tasks=common_tasks
+                [path],
+                reader="table",
+                columns=named_columns,
+                clean=clean,
+                common_tasks=common_tasks,
             )
         except OutcomeError as error:
             raise OutcomeError(str(error).replace(str(path), "the table")) from None
@@ -157,13 +161,13 @@ def _package(table: Any) -> str:
     return name if name in _PACKAGES else "pyarrow"
 
 
-def _check_columns(present: list[str], stated: Mapping[str, str]) -> None:
+def _check_columns(present: list[str], named_columns: Mapping[str, str]) -> None:
     """Check that a table has the columns that are stated or required.
 
     Raises:
         OutcomeError: it has not.
     """
-    required = {"task": "task", "score": "score"} | dict(stated)
+    required = {"task": "task", "score": "score"} | dict(named_columns)
     for field, column in required.items():
         if column not in present:
             raise OutcomeError(

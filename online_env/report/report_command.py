@@ -125,17 +125,19 @@ def report(
     from .further_tests import MARGIN
 
     foreign = {"--from": reader, "--columns": columns, "--clean": clean}
-    stated = [name for name, value in foreign.items() if value]
-    stated += ["--common-tasks"] * common_tasks + ["--unpaired"] * unpaired
+    table_options = [name for name, value in foreign.items() if value]
+    table_options += ["--common-tasks"] * common_tasks + ["--unpaired"] * unpaired
     runs = sources[0]
     if len(sources) == 1 and _is_own(runs):
-        if stated:
-            raise ReportError(f"{runs}: is a run of this library, which {stated[0]} is not for")
+        if table_options:
+            raise ReportError(
+                f"{runs}: is a run of this library, which {table_options[0]} is not for"
+            )
         read = partial(_read, runs, seeds)
     else:
-        own = next((source for source in sources if _is_own(source)), None)
-        if own is not None:
-            raise ReportError(f"{own}: is a run of this library, and is reported alone")
+        own_source = next((source for source in sources if _is_own(source)), None)
+        if own_source is not None:
+            raise ReportError(f"{own_source}: is a run of this library, and is reported alone")
         if seeds:
             raise ReportError("--seeds chooses episodes of a run of this library; give its folder")
         read = partial(
@@ -174,10 +176,10 @@ def report(
     if format == TERMINAL and out is None:
         terminal.show(run, reference or "", paper=paper, full=full, margin=share or MARGIN)
         raise SystemExit(_finish(run))
-    built = build_report(
+    run_report = build_report(
         run, reference=reference or "", margin=share or MARGIN, causes=full or format in WITH_CAUSES
     )
-    _write(_document(built, paper=paper, full=full), format, out)
+    _write(_document(run_report, paper=paper, full=full), format, out)
     raise SystemExit(_finish(run))
 
 
@@ -306,8 +308,8 @@ def _read(folder: Path, seeds: int | None = None) -> "Run":
     if seeds is not None:
         run = reading.with_first_seeds(run, seeds)
     for damage in run.damaged:
-        place = f"{folder / damage.file}:{damage.line}"
-        echo(f"hijack: {place}: skipped: {damage.problem}", err=True)
+        location = f"{folder / damage.file}:{damage.line}"
+        echo(f"hijack: {location}: skipped: {damage.problem}", err=True)
     if not run.records:
         command = "score" if run.is_scored else "bench"
         raise ReportError(

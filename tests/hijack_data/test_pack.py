@@ -70,11 +70,11 @@ def test_choosing_pictures(folder: Path) -> None:
 def test_a_deed_moves_with_its_picture() -> None:
     recorded = RecordedAction(
         Action("drag", 1, 2, 3, 4, keys=("shift",), amount=2), (0, 1, 2, 3)
-    ).moved(10, 20)
+    ).translate(10, 20)
     assert recorded == RecordedAction(
         Action("drag", 11, 22, 13, 24, keys=("shift",), amount=2), (10, 21, 12, 23)
     )
-    assert RecordedAction(Action("hotkey", keys=("esc",))).moved(5, 5) == RecordedAction(
+    assert RecordedAction(Action("hotkey", keys=("esc",))).translate(5, 5) == RecordedAction(
         Action("hotkey", keys=("esc",))
     )
 

@@ -290,9 +290,9 @@ def test_a_desktop_is_ready_when_its_keeper_says_so_in_whatever_pieces(keeper):
     assert result.wait() == READY
     assert result.wait() is result.record
     assert until(result.ended) == "the display ended"
-    assert not result.gone(), "its keeper clears up"
+    assert not result.has_ended(), "its keeper clears up"
     result.close()
-    assert result.gone()
+    assert result.has_ended()
     assert result.ended() == "the display ended"
 
 
@@ -319,7 +319,7 @@ def test_a_desktop_that_does_not_start_says_why_and_leaves_no_keeper(keeper, cod
         result.wait()
     assert str(caught.value) == message
     assert isinstance(caught.value, HijackError)
-    assert result.gone()
+    assert result.has_ended()
 
 
 def test_a_keeper_that_dies_is_the_end_of_its_desktop(keeper):

@@ -65,7 +65,7 @@ class ChatAgent:
         picture = ScreenPicture(obs["screenshot"])
         self._add_notice(picture)
         reply = self._model.ask(self._query(instruction, picture, self._notice.reminder), "act")
-        words = reply.shown
+        words = reply.transcript
         self._turns.append(_make_turn(picture, reply))
         return words, self._parser.read(reply, picture.size)
 
@@ -104,7 +104,7 @@ class ChatAgent:
         return onlooker is not None and onlooker.summarise
 
     def _fill_prompt(self, instruction: str, picture: ScreenPicture, reminder: str) -> Prompt:
-        height, width = self._parser.seen(picture.size)
+        height, width = self._parser.model_size(picture.size)
         values = {
             "instruction": instruction,
             "language": LANGUAGE,
@@ -129,7 +129,7 @@ class ChatAgent:
 
 
 def _make_turn(picture: ScreenPicture, reply: Reply) -> Turn:
-    return Turn(picture=picture, answer=reply.shown[:MAX_ANSWER_CHARS], raw=reply.raw)
+    return Turn(picture=picture, answer=reply.transcript[:MAX_ANSWER_CHARS], raw=reply.raw)
 
 
 def make_agent(settings: AgentSettings, run: ChatRun | None = None) -> ChatAgent | Guarded:

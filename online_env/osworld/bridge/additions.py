@@ -65,11 +65,11 @@ def add_missing(metrics: Any, getters: Any) -> list[str]:
     return [*_add(metrics, METRICS), *_add(getters, GETTERS)]
 
 
-def _add(place: Any, functions: Iterable[Callable[..., Any]]) -> list[str]:
+def _add(module: Any, functions: Iterable[Callable[..., Any]]) -> list[str]:
     names: list[str] = []
     for function in functions:
         name = function.__name__
-        if not hasattr(place, name):
-            setattr(place, name, function)
+        if not hasattr(module, name):
+            setattr(module, name, function)
             names.append(name)
     return names
