@@ -220,7 +220,7 @@ class _AgentReader:
         # A missing one has been noted as a problem.
         model = ModelSettings(**{"model": "", **model_values})
         onlooker = self._onlooker(tree, model, values)
-        if self._problems.found:
+        if self._problems.mistakes:
             return None
         return AgentSettings(
             source=self._name,

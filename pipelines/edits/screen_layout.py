@@ -118,7 +118,7 @@ def lock_screen(
     return ScreenLayout(
         ops=(_middle(below, size), Paste(dialog.recipe(), ((x, y),))),
         asset=dialog,
-        mapped=partial(RecordedAction.moved, dx=x, dy=y),
+        mapped=partial(RecordedAction.translate, dx=x, dy=y),
         boxes=tuple(_move_box(target.box, x, y) for target in dialog.targets),
         notes=_notes(size, below, dialog),
     )

@@ -334,7 +334,7 @@ def test_a_keeper_lives_as_long_as_it_is_held(keeper):
     begun = time.monotonic()
     value = keeper("time.sleep(60)")
     value.close(wait=False)
-    until(value.gone)
+    until(value.has_ended)
     stubborn = keeper(
         "import signal\nsignal.signal(15, signal.SIG_IGN)\nsys.stdout.write('{}\\n')\nsys.stdout.flush()\ntime.sleep(60)"
     )
