@@ -27,7 +27,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture(autouse=True)
 def nothing_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each test begins as a new process does."""
-    monkeypatch.setattr(pack_module, "_known", {})
+    monkeypatch.setattr(pack_module, "_asset_cache", {})
     monkeypatch.delenv("AGENTHIJACK_ASSETS", raising=False)
 
 
