@@ -144,7 +144,7 @@ def test_a_plan_is_replayed_from_its_json_in_a_new_process(
         "id": "dialog",
         "sha256": asset.sha256[:16],
     }
-    pack_module._known.clear()
+    pack_module._asset_cache.clear()
     monkeypatch.setenv("AGENTHIJACK_ASSETS", str(folder))
     monkeypatch.setattr("hijack_data.drawing.raster._cache", raster._Cache(2**20))
     assert np.array_equal(hj.apply(hj.Plan.from_json(text), picture), expected)
@@ -154,7 +154,7 @@ def test_plans_whose_pack_is_not_there(
     folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     asset = AssetPack.load(folder).get("gimp-90x70")
-    pack_module._known.clear()
+    pack_module._asset_cache.clear()
     monkeypatch.setattr("hijack_data.drawing.raster._cache", raster._Cache(2**20))
     monkeypatch.setattr(pack_module, "SHIPPED", tmp_path / "none")
     recipes = {"no asset pack there": asset.recipe()}
