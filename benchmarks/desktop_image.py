@@ -51,10 +51,10 @@ def sizes() -> None:
 
 def building(profile: str) -> None:
     """Build an image in a folder of its own, with the packages that the cache has."""
-    kept = cache.place()
+    kept = cache.images_folder()
     with tempfile.TemporaryDirectory(prefix="images-", dir=kept.parent) as folder:
         os.environ[cache.VARIABLE] = folder
-        place = cache.ensure_place()
+        place = cache.ensure_images_folder()
         for path in (kept / "packages").glob("*.deb"):
             os.link(path, place / "packages" / path.name)
         recipe = build.Recipe(build.normal_profiles([profile]), tuple(sources.from_machine()))
@@ -69,7 +69,7 @@ def building(profile: str) -> None:
 def as_file(name: str) -> None:
     """Time export, import and verify, and a desktop from the imported file."""
     result = cache.resolve(name)
-    kept = cache.place()
+    kept = cache.images_folder()
     rows: list[list[str]] = []
     with tempfile.TemporaryDirectory(prefix="images-", dir=kept.parent) as folder:
         file = Path(folder, "image.tar.zst")

@@ -86,7 +86,7 @@ def score(folder: Path, out: Path, workers: int = 1, limit: int | None = None) -
     ticks: list[float] = []
     before = used()
     with run.begin(out, resume=False):
-        run.play(out, run.left(out), lambda *_: ticks.append(time.perf_counter()), print)
+        run.play(out, run.remaining_cases(out), lambda *_: ticks.append(time.perf_counter()), print)
     rate = (len(ticks) - 1) / (time.perf_counter() - ticks[0])
     return Measured(len(ticks), rate, used() - before)
 

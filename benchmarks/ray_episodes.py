@@ -66,7 +66,7 @@ def _row(engine: str, bench: Bench, folder: Path) -> tuple[str, ...]:
     setup = WorkerSetup(bench=bench, folder=folder)
     times = Times()
     with open_pool(engine, setup, len(listed), 1) as pool:
-        run_jobs(listed, folder, 0, pool, times, place=pool.place)
+        run_jobs(listed, folder, 0, pool, times, reserve=pool.reserve)
         peak = _peak(engine)
     written = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     later = [1000 * seconds for seconds in times.added[1:]]  # the first one starts the desktop

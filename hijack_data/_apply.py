@@ -113,10 +113,10 @@ def _check_sizes(plans: list[Plan], size: Size) -> None:
 
 
 def _apply_list(
-    given: object, plans: list[Plan], images: Sequence[Any], inplace: bool
+    argument: object, plans: list[Plan], images: Sequence[Any], inplace: bool
 ) -> list[Any]:
     """Apply one plan to each picture of a list; with `inplace`, check all before changing any."""
-    plans = _plan_per_picture(given, plans, len(images))
+    plans = _plan_per_picture(argument, plans, len(images))
     for i, image in enumerate(images):
         _check_item(image, i)
     if inplace:

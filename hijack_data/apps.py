@@ -121,13 +121,13 @@ def is_browser(name: str) -> bool:
     return name == "browser" or name in KINDS["browser"]
 
 
-def may_be_same(one: str, other: str) -> bool:
+def may_be_same(first: str, second: str) -> bool:
     """Return whether two normalised names may mean one program.
 
     They do if they are equal, or one is the kind of the other.
 
     Two browsers count as the same, because their windows look alike.
     """
-    if one == other or (is_browser(one) and is_browser(other)):
+    if first == second or (is_browser(first) and is_browser(second)):
         return True
-    return other in KINDS.get(one, ()) or one in KINDS.get(other, ())
+    return second in KINDS.get(first, ()) or first in KINDS.get(second, ())

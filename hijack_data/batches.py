@@ -176,16 +176,16 @@ def _id_text(value: Any) -> str:
         ) from None
 
 
-def _one_per_picture(values: Sequence[Any] | None, count: int, what: str) -> list[Any]:
+def _one_per_picture(values: Sequence[Any] | None, count: int, name: str) -> list[Any]:
     if values is None:
         return [None] * count
     if not _is_list(values):
         raise ParameterTypeError(
-            f"{what} must be a list with one entry a picture (None where unknown), got {values!r}"
+            f"{name} must be a list with one entry a picture (None where unknown), got {values!r}"
         )
     if len(values) != count:
         raise ParameterError(
-            f"{len(values)} {what} for {count} pictures: give one entry for each (None where"
+            f"{len(values)} {name} for {count} pictures: give one entry for each (None where"
             " unknown)"
         )
     return list(values)

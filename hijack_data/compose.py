@@ -25,7 +25,7 @@ _MAX_TIMES = Parameter("int", "", low=1, high=1000, optional=True)
 class Augmentation(Planner):
     """Base class of the combinators: subclasses implement `plan`, and a call corrupts a batch."""
 
-    def chosen(
+    def choose(
         self, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0
     ) -> "tuple[Planner, Branch] | None":
         """Return the only part that plans for a sample, and its random key.
@@ -132,13 +132,13 @@ class OneOf(Augmentation):
         epoch: int = 0,
     ) -> Plan:
         """Draw whether to corrupt and with which option, then plan it; see `Planner.plan`."""
-        choice = self.chosen(seed=seed, sample=sample, step=step, epoch=epoch)
+        choice = self.choose(seed=seed, sample=sample, step=step, epoch=epoch)
         if choice is None:
             return Plan.clean(scene.size)
         option, key = choice
         return option.plan(scene, seed=seed, sample=key, step=step, epoch=epoch)
 
-    def chosen(
+    def choose(
         self, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0
     ) -> tuple[Planner, Branch] | None:
         """Draw whether to corrupt a sample; return the drawn option and its key, or `None`."""
@@ -281,10 +281,10 @@ class Schedule(Augmentation):
         epoch: int = 0,
     ) -> Plan:
         """Plan with the planner for `epoch`; see `Planner.plan`."""
-        planner, key = self.chosen(seed=seed, sample=sample, step=step, epoch=epoch)
+        planner, key = self.choose(seed=seed, sample=sample, step=step, epoch=epoch)
         return planner.plan(scene, seed=seed, sample=key, step=step, epoch=epoch)
 
-    def chosen(
+    def choose(
         self, *, seed: int, sample: int | str = 0, step: int | None = None, epoch: int = 0
     ) -> tuple[Planner, Branch]:
         """Return the planner for `epoch`, and its key."""
@@ -313,7 +313,7 @@ def sometimes(planner: Planner, p: float) -> Planner:
     return OneOf([planner], p_clean=1 - acting)
 
 
-def probability(value: object, what: str) -> float:
+def probability(value: object, name: str) -> float:
     """Return a number in 0..1.
 
     Raises:
@@ -321,10 +321,10 @@ def probability(value: object, what: str) -> float:
         ParameterTypeError: the value is not a number.
     """
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise ParameterTypeError(f"{what} must be a number in 0..1, got {value!r}")
+        raise ParameterTypeError(f"{name} must be a number in 0..1, got {value!r}")
     number = float(value)
     if not 0 <= number <= 1:
-        raise ParameterError(f"{what} must be in 0..1, got {value!r}")
+        raise ParameterError(f"{name} must be in 0..1, got {value!r}")
     return number
 
 

@@ -254,14 +254,14 @@ def _vector(dx: float, dy: float, scaling: "Scaling") -> tuple[int, int]:
 def _action(action: Action, scaling: "Scaling") -> Action:
     from .actions.dialects.field_checks import number
 
-    def x_of(value: float | None) -> int | None:
+    def map_x(value: float | None) -> int | None:
         return None if value is None else scaling.x(number(value, "x of the action"))
 
-    def y_of(value: float | None) -> int | None:
+    def map_y(value: float | None) -> int | None:
         return None if value is None else scaling.y(number(value, "y of the action"))
 
-    x = x_of(action.x)
-    x2 = x_of(action.x2)
-    y = y_of(action.y)
-    y2 = y_of(action.y2)
+    x = map_x(action.x)
+    x2 = map_x(action.x2)
+    y = map_y(action.y)
+    y2 = map_y(action.y2)
     return replace(action, x=x, y=y, x2=x2, y2=y2)

@@ -434,7 +434,9 @@ def check_names(cls: type[Corruption], values: Mapping[str, Any]) -> None:
     Raises:
         UnknownNameError: a key is not a parameter.
     """
-    declared = p.parameters(cls)
+    parameters_by_name = p.parameters(cls)
     for key in values:
-        if key not in declared:
-            raise UnknownNameError(f"{cls.name} has no parameter {key!r}{suggest(key, declared)}")
+        if key not in parameters_by_name:
+            raise UnknownNameError(
+                f"{cls.name} has no parameter {key!r}{suggest(key, parameters_by_name)}"
+            )

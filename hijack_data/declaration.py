@@ -30,10 +30,10 @@ def problems(cls: type[Any], base: type[Any], choices: AllowedValues) -> Iterato
     `choices` holds the allowed values of class attributes such as `scope`.
     """
     yield from name_problems(getattr(cls, "name", ""))
-    for key, allowed in choices.items():
+    for key, options in choices.items():
         value = getattr(cls, key, "")
-        if value and value not in allowed:
-            yield f"{key} {value!r} does not exist{suggest(value, allowed)}"
+        if value and value not in options:
+            yield f"{key} {value!r} does not exist{suggest(value, options)}"
     version = cast(object, cls.version)
     is_whole = isinstance(version, int) and not isinstance(version, bool)
     if not is_whole or cast(int, version) < 1:
@@ -79,11 +79,11 @@ def _effects(cls: type[Any]) -> Iterator[str]:
 def _inputs(cls: type[Any]) -> Iterator[str]:
     """Yield what is wrong with the kinds of input faults that a corruption declares."""
     kinds = cast(object, cls.inputs)
-    known = ", ".join(FAULTS)
+    fault_names = ", ".join(FAULTS)
     if not isinstance(kinds, tuple) or not all(
         kind in FAULTS for kind in cast("tuple[object, ...]", kinds)
     ):
-        yield f'inputs must be a tuple of kinds ({known}), such as ("drop",), not {kinds!r}'
+        yield f'inputs must be a tuple of kinds ({fault_names}), such as ("drop",), not {kinds!r}'
         return
     scope = getattr(cls, "scope", "")
     if kinds and scope != "action":
@@ -91,24 +91,24 @@ def _inputs(cls: type[Any]) -> Iterator[str]:
     if not kinds and scope == "action":
         yield (
             "scope 'action' changes what an agent does, and inputs is not set; name the kinds of "
-            f'faults ({known}), such as inputs: ClassVar[tuple[str, ...]] = ("drop",)'
+            f'faults ({fault_names}), such as inputs: ClassVar[tuple[str, ...]] = ("drop",)'
         )
 
 
 def _fields(cls: type[Any], base: type[Any]) -> Iterator[str]:
-    declared = p.parameters(cls)
-    if set(RESERVED_PARAMETERS) & set(declared):
+    parameters_by_name = p.parameters(cls)
+    if set(RESERVED_PARAMETERS) & set(parameters_by_name):
         reserved = " and ".join(RESERVED_PARAMETERS)
         yield f"{reserved} are words of the configuration, not names for parameters"
     public = [word for word in dir(base) if not word.startswith("_")]
     reserved_attributes = {*public, "category", "scope"}
-    for key in declared:
+    for key in parameters_by_name:
         if key in reserved_attributes:
             yield f"{key!r} is an attribute of every corruption, not a name for a parameter"
     fields = [field.name for field in dataclasses.fields(cls)]
     arguments = list(inspect.signature(cls).parameters)
     for key in dict.fromkeys([*fields, *arguments]):
-        if key in declared:
+        if key in parameters_by_name:
             continue
         if key in reserved_attributes:
             yield f"{key} is a field of the dataclass; write {key}: ClassVar[...] = ..."
@@ -129,14 +129,14 @@ def _severities(cls: type[Any]) -> Iterator[str]:
     if count not in (0, 5):
         yield f"severities must hold 5 entries, not {count}"
         return
-    declared = p.parameters(cls)
+    parameters_by_name = p.parameters(cls)
     for number, level in enumerate(levels, 1):
         if not isinstance(level, Mapping):
             yield f"severities: level {number} must be a mapping of parameters, not {level!r}"
             continue
         for key in cast("Mapping[str, object]", level):
-            if key not in declared:
-                hint = suggest(key, declared)
+            if key not in parameters_by_name:
+                hint = suggest(key, parameters_by_name)
                 yield f"severities: level {number} sets {key!r}, which is not a parameter{hint}"
     if levels and levels[2]:
         yield f"severities: level 3 is the paper's default and must be empty, not {levels[2]!r}"

@@ -38,11 +38,11 @@ V = TypeVar("V")
 class Lazy:
     """A built-in entry that is imported on first use: `module:attribute`."""
 
-    place: str
+    reference: str
 
     def load(self) -> Any:
         """Import the module and return the attribute."""
-        name, _, attribute = self.place.partition(":")
+        name, _, attribute = self.reference.partition(":")
         module = importlib.import_module(name)
         return getattr(module, attribute)
 
@@ -72,22 +72,26 @@ class EntryTable(Generic[T]):
         builtin: Mapping[str, str] = MappingProxyType({}),
         package: str = "",
         own_name: str = "",
-        problems: Callable[[Any, str], Iterable[str]] = lambda _thing, _name: (),
-        prepare: Callable[[Any], T] = lambda thing: thing,
+        problems: Callable[[Any, str], Iterable[str]] = lambda _obj, _name: (),
+        prepare: Callable[[Any], T] = lambda obj: obj,
         check: Callable[[T], object] = lambda _: None,
         related: Iterable[str] = (),
         reserved: Mapping[str, str] = MappingProxyType({}),
     ) -> None:
         self.kind = kind
         self.group = PREFIX + kinds
-        self.entries: dict[str, Any] = {name: Lazy(place) for name, place in builtin.items()}
+        self.entries: dict[str, Any] = {
+            name: Lazy(reference) for name, reference in builtin.items()
+        }
         self.check = check
         self._package = package
         self._own_name = own_name
         self._problems = problems
         self._prepare = prepare
         self.related = tuple(related)
-        self._reserved: dict[str, Any] = {name: Lazy(place) for name, place in reserved.items()}
+        self._reserved: dict[str, Any] = {
+            name: Lazy(reference) for name, reference in reserved.items()
+        }
         _tables.append(self)
 
     def resolve(self, name: str) -> T:
@@ -104,39 +108,39 @@ class EntryTable(Generic[T]):
     def register(self, name: str) -> Callable[[V], V]:
         """Decorator: register an object that has no name of its own under `name`."""
 
-        def decorate(thing: V) -> V:
-            self.add(thing, name)
-            return thing
+        def decorate(obj: V) -> V:
+            self.add(obj, name)
+            return obj
 
         return decorate
 
-    def add(self, thing: Any, name: str = "") -> str:
+    def add(self, obj: Any, name: str = "") -> str:
         """Register an object, and return its name.
 
         Args:
-            thing: the object; registering the same class or function again is allowed.
+            obj: the object; registering the same class or function again is allowed.
             name: its name; ignored if entries of this kind hold their own name.
 
         Raises:
             ParameterError: the object is not of this kind, or the name is taken.
         """
-        title = getattr(thing, "__qualname__", type(thing).__qualname__)
-        own_name = getattr(thing, self._own_name, "") if self._own_name else ""
+        title = getattr(obj, "__qualname__", type(obj).__qualname__)
+        own_name = getattr(obj, self._own_name, "") if self._own_name else ""
         if own_name:
             name = str(own_name)
-        problems = "; ".join(self._problems(thing, name))
+        problems = "; ".join(self._problems(obj, name))
         if problems:
             raise ParameterError(f"cannot register {title}: {problems}")
         self.load_ours()
         used_names = {**self._reserved, **self.entries}
-        if name in used_names and _identity(used_names[name]) != _identity(thing):
-            source = "" if is_ours(thing) else f" of {describe_origin(thing)}"
+        if name in used_names and _identity(used_names[name]) != _identity(obj):
+            source = "" if is_ours(obj) else f" of {describe_origin(obj)}"
             raise ParameterError(
                 f"cannot register {title}{source}: {name!r} is taken by "
                 f"{describe_origin(used_names[name])}; choose another name, or leave one of the "
                 "two out"
             )
-        self.entries[name] = self._prepare(thing)
+        self.entries[name] = self._prepare(obj)
         return name
 
     def load_ours(self) -> None:
@@ -194,7 +198,7 @@ def _restore(entries: dict[str, Any], before: Mapping[str, Any]) -> None:
 def defining_module(entry: object) -> str:
     """Return the module that defines an entry: a class, a function, or the class of an object."""
     if isinstance(entry, Lazy):
-        return entry.place.partition(":")[0]
+        return entry.reference.partition(":")[0]
     if isinstance(entry, type) or hasattr(entry, "__qualname__"):
         return str(getattr(entry, "__module__", ""))
     return type(entry).__module__
@@ -219,10 +223,10 @@ def defining_file(entry: object) -> str | None:
     return getattr(module, "__file__", None)
 
 
-def _identity(thing: object) -> str:
+def _identity(obj: object) -> str:
     """Return an identity that a class keeps when it is reloaded, and that its objects share."""
-    if isinstance(thing, Lazy):
-        return thing.place
-    target = thing if hasattr(thing, "__qualname__") else type(thing)
+    if isinstance(obj, Lazy):
+        return obj.reference
+    target = obj if hasattr(obj, "__qualname__") else type(obj)
     name = getattr(target, "__qualname__", "")
-    return f"{defining_module(thing)}:{name}"
+    return f"{defining_module(obj)}:{name}"

@@ -56,7 +56,7 @@ class Plugin:
         return name == self.name or name in self.names
 
 
-_loaded: dict[str, list[Plugin]] = {}
+_plugins_by_group: dict[str, list[Plugin]] = {}
 
 
 def load_installed(registry: EntryTable[Any]) -> None:
@@ -81,13 +81,15 @@ def load_plugins(group: str, registry: EntryTable[Any]) -> None:
         group: the group of entry points.
         registry: the registry of these plug-ins; its `check` is called with each new entry.
     """
-    if group in _loaded:
+    if group in _plugins_by_group:
         return
     # imported here, because it takes a quarter of the import time of the whole package
     import importlib.metadata
 
     plugins: list[Plugin] = []
-    _loaded[group] = plugins  # before the imports, because a plug-in may itself list names
+    _plugins_by_group[group] = (
+        plugins  # before the imports, because a plug-in may itself list names
+    )
     entries = importlib.metadata.entry_points(group=group)
     in_order = sorted(entries, key=lambda entry: entry.name)
     plugins.extend(_load(entry, registry) for entry in in_order)
@@ -97,7 +99,7 @@ def load_plugins(group: str, registry: EntryTable[Any]) -> None:
 
 def installed(group: str) -> tuple[Plugin, ...]:
     """Return all plug-ins of a loaded group, working and broken."""
-    return tuple(_loaded.get(group, ()))
+    return tuple(_plugins_by_group.get(group, ()))
 
 
 def broken(group: str) -> tuple[Plugin, ...]:
@@ -172,15 +174,15 @@ def _register(entry: "EntryPoint", module: str, registry: EntryTable[Any]) -> No
     Raises:
         PluginError: the module has no such attribute.
     """
-    thing: Any = importlib.import_module(module)
+    obj: Any = importlib.import_module(module)
     path = entry.attr
     if not path:
         return
     for attribute in path.split("."):
-        if not hasattr(thing, attribute):
+        if not hasattr(obj, attribute):
             raise PluginError(f"{module} has no {path!r}, which its entry point names")
-        thing = getattr(thing, attribute)
-    registry.add(thing, entry.name)
+        obj = getattr(obj, attribute)
+    registry.add(obj, entry.name)
 
 
 def _warn(plugin: Plugin) -> None:

@@ -111,9 +111,9 @@ def short_repr(value: object) -> str:
     return text if len(text) <= 80 else f"{text[:80]}..."
 
 
-def suggest(name: object, known: Iterable[str]) -> str:
-    """Return `"; did you mean 'x'?"`, or the list of `known` names when none is close."""
-    options = sorted(known)
+def suggest(name: object, candidates: Iterable[str]) -> str:
+    """Return `"; did you mean 'x'?"`, or the list of `candidates` when none is close."""
+    options = sorted(candidates)
     text = name if isinstance(name, str) else short_repr(name)
     close = difflib.get_close_matches(text, options, n=1, cutoff=0.5)
     if close:
@@ -121,14 +121,14 @@ def suggest(name: object, known: Iterable[str]) -> str:
     return f"; known: {shorten_list(options)}" if options else ""
 
 
-def quantity(number: int, one: str, several: str = "") -> str:
+def quantity(number: int, singular: str, plural: str = "") -> str:
     """Return a number and what it counts, for a message: `1 row`, `1,200 rows`."""
-    name = one if number == 1 else several or f"{one}s"
+    name = singular if number == 1 else plural or f"{singular}s"
     return f"{number:,} {name}"
 
 
-def shorten_list(options: Sequence[str], most: int = 20) -> str:
-    """Return options for a message: all of them, or the first `most` and the number of others."""
-    listed = ", ".join(options[:most])
-    remaining = len(options) - most
+def shorten_list(options: Sequence[str], limit: int = 20) -> str:
+    """Return options for a message: all of them, or the first `limit` and the number of others."""
+    listed = ", ".join(options[:limit])
+    remaining = len(options) - limit
     return f"{listed} and {remaining} more" if remaining > 0 else listed

@@ -80,21 +80,21 @@ def _origin() -> str:
         return ""
 
 
-def missing(what: str, *extras: str) -> MissingDependencyError:
-    """Return the error with `what`, such as `"datasets need pyarrow"`, and the remedy."""
-    return MissingDependencyError(f"{what}: {remedy(*extras)}")
+def missing(problem: str, *extras: str) -> MissingDependencyError:
+    """Return the error with `problem`, such as `"datasets need pyarrow"`, and the remedy."""
+    return MissingDependencyError(f"{problem}: {remedy(*extras)}")
 
 
 def lacking(modules: Iterable[str]) -> list[str]:
     """Return the top-level `modules` that cannot be found, without importing any."""
-    return [name for name in modules if not _found(name)]
+    return [name for name in modules if not _is_importable(name)]
 
 
-def require(what: str, extra: str, modules: Iterable[str]) -> None:
+def require(feature: str, extra: str, modules: Iterable[str]) -> None:
     """Check that none of some modules is missing.
 
     Args:
-        what: the feature that needs them, for the message.
+        feature: the feature that needs them, for the message.
         extra: the extra that installs them.
         modules: names of top-level modules.
 
@@ -103,12 +103,12 @@ def require(what: str, extra: str, modules: Iterable[str]) -> None:
     """
     absent = lacking(modules)
     if absent:
-        problem = missing(f"{what} needs {', '.join(absent)}", extra)
+        problem = missing(f"{feature} needs {', '.join(absent)}", extra)
         raise problem
 
 
-def load(module: str, what: str, extra: str) -> Any:
-    """Import and return `module`, which the feature `what` needs.
+def load(module: str, feature: str, extra: str) -> Any:
+    """Import and return `module`, which `feature` needs.
 
     Raises:
         MissingDependencyError: it is missing; the message has the command that adds `extra`.
@@ -116,7 +116,7 @@ def load(module: str, what: str, extra: str) -> Any:
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:
-        problem = missing(f"{what} needs {module.partition('.')[0]}", extra)
+        problem = missing(f"{feature} needs {module.partition('.')[0]}", extra)
         raise problem from None
 
 
@@ -150,7 +150,7 @@ def find_extra(module: str) -> str | None:
     return next((name for name in bringing if name not in WIDE), None)
 
 
-def _found(module: str) -> bool:
+def _is_importable(module: str) -> bool:
     try:
         return importlib.util.find_spec(module) is not None
     # A module inserted into `sys.modules` by hand may have no spec.

@@ -26,7 +26,7 @@ def read_versioned_json(
     *,
     format: str,
     version: int,
-    what: str,
+    description: str,
     error: type[HijackError] = HijackError,
     missing: str | None = None,
 ) -> dict[str, Any]:
@@ -36,7 +36,7 @@ def read_versioned_json(
         path: the file.
         format: the required value of the field `format`.
         version: the newest version that the caller can read; 1 to this one are accepted.
-        what: a description of the file for messages, such as `"the manifest of a dataset"`.
+        description: a description of the file for messages, such as `"the manifest of a dataset"`.
         error: the class of the errors raised.
         missing: the whole message for a missing file, instead of the usual one.
 
@@ -56,7 +56,7 @@ def read_versioned_json(
     except (ValueError, RecursionError) as problem:
         raise error(f"{path}: is not JSON ({str(problem)[:200]})") from None
     return check_versioned(
-        data, format=format, version=version, where=str(path), what=what, error=error
+        data, format=format, version=version, source=str(path), description=description, error=error
     )
 
 
@@ -65,22 +65,22 @@ def check_versioned(
     *,
     format: str,
     version: int,
-    what: str,
-    where: str = "",
+    description: str,
+    source: str = "",
     error: type[HijackError] = HijackError,
 ) -> dict[str, Any]:
     """Check the fields `format` and `version` of JSON data, and return the data.
 
-    The arguments are those of `read_versioned_json`; `where`, if given, begins the messages.
+    The arguments are those of `read_versioned_json`; `source`, if given, begins the messages.
 
     Raises:
         HijackError: of the class `error`, if the data are not an object, have another format, or a
             version outside 1 to `version`.
     """
     stored = cast("dict[str, Any]", data) if isinstance(data, dict) else {}
-    begin = f"{where}: " if where else ""
+    begin = f"{source}: " if source else ""
     if stored.get("format") != format:
-        raise error(f"{begin}not {what} (field 'format' must be {format!r})")
+        raise error(f"{begin}not {description} (field 'format' must be {format!r})")
     number = stored.get("version")
     if isinstance(number, bool) or not isinstance(number, int) or number < 1:
         raise error(

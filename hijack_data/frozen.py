@@ -38,19 +38,19 @@ class FrozenList(list[Any]):
         return FrozenList, (list(self),)
 
 
-def freeze(value: object, where: str) -> Any:
+def freeze(value: object, path: str) -> Any:
     """Return an immutable copy of JSON data; tuples become lists, as in JSON.
 
     Raises:
         PlanError: JSON cannot hold a part of the data; the message names its place
-            (`where.key[0]`).
+            (`path.key[0]`).
     """
     try:
         return _frozen(value)
     except _NotJsonError:
-        raise PlanError(_complaint(value, where)) from None
+        raise PlanError(_complaint(value, path)) from None
     except RecursionError:
-        raise PlanError(f"{where} is nested too deeply") from None
+        raise PlanError(f"{path} is nested too deeply") from None
 
 
 def thaw(value: Any) -> Any:
@@ -89,21 +89,21 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int) or (isinstance(value, float) and math.isfinite(value))
 
 
-def _complaint(value: Any, where: str) -> str:
+def _complaint(value: Any, path: str) -> str:
     """Describe the first value that JSON cannot hold, with its place; empty if there is none."""
     if isinstance(value, Mapping):
         items = cast("Mapping[object, object]", value).items()
         bad = next((key for key, _ in items if not isinstance(key, str)), None)
         if bad is not None:
-            return f"{where} has the key {bad!r}; keys must be strings, as in JSON"
-        inner = (_complaint(item, f"{where}.{key}") for key, item in items)
+            return f"{path} has the key {bad!r}; keys must be strings, as in JSON"
+        inner = (_complaint(item, f"{path}.{key}") for key, item in items)
         return next(filter(None, inner), "")
     if isinstance(value, list | tuple):
         items = enumerate(cast("Sequence[object]", value))
-        return next(filter(None, (_complaint(item, f"{where}[{i}]") for i, item in items)), "")
+        return next(filter(None, (_complaint(item, f"{path}[{i}]") for i, item in items)), "")
     if value is None or isinstance(value, str) or _is_number(value):
         return ""
     if isinstance(value, float):
-        return f"{where} is {value}, which JSON cannot hold; use a finite number"
+        return f"{path} is {value}, which JSON cannot hold; use a finite number"
     advice = "use None, booleans, numbers, strings, lists and dictionaries"
-    return f"{where} is of type {type(value).__name__}, which JSON cannot hold; {advice}"
+    return f"{path} is of type {type(value).__name__}, which JSON cannot hold; {advice}"

@@ -49,15 +49,15 @@ def largest_free_rectangle(size: Size, boxes: BoxArray) -> Box:
     height, width = size
     rows = _rows(size, boxes)
     best = 0
-    place = _EMPTY
+    largest = _EMPTY
     for top, group in groupby(sorted(rows, key=_lower_edge), _lower_edge):
         if width * (height - top) <= best:
             break
         ceiling = list(group)
         for row in ceiling:
             del rows[bisect_left(rows, row)]
-        best, place = _sweep_down(top, ceiling, rows, size, best, place)
-    return place
+        best, largest = _sweep_down(top, ceiling, rows, size, best, largest)
+    return largest
 
 
 def _rows(size: Size, boxes: BoxArray) -> list[_Row]:
@@ -74,11 +74,11 @@ def _solid(boxes: BoxArray) -> BoxArray:
 
 
 def _sweep_down(
-    top: int, ceiling: list[_Row], rows: list[_Row], size: Size, best: int, place: Box
+    top: int, ceiling: list[_Row], rows: list[_Row], size: Size, best: int, largest: Box
 ) -> tuple[int, Box]:
-    """Return the larger of `place` and the free rectangles that hang from `ceiling` at `top`.
+    """Return the larger of `largest` and the free rectangles that hang from `ceiling` at `top`.
 
-    The area of `place` is `best`.
+    The area of `largest` is `best`.
     `rows` are the boxes that reach below `top`, by their upper edges. The free spans between those
     passed so far are `[lefts[i], rights[i])`, in order, so a row meets a run of neighbours. A span
     is dropped when it is beside the ceiling (then it belongs to another ceiling) or too narrow to
@@ -99,9 +99,9 @@ def _sweep_down(
             left = lefts[i]
             right = rights[i]
             area = (right - left) * (y1 - top)
-            if area > best or (area == best and place[1] == top and left < place[0]):
+            if area > best or (area == best and largest[1] == top and left < largest[0]):
                 best = area
-                place = (left, top, right, y1)
+                largest = (left, top, right, y1)
                 too_narrow = (best - 1) // room
             keep_right = x2 < last and right - x2 > too_narrow
             if x1 > first and x1 - left > too_narrow:
@@ -118,7 +118,7 @@ def _sweep_down(
                 del lefts[i], rights[i]
         if not rights:
             break
-    return best, place
+    return best, largest
 
 
 def intersection_area(box: Box, boxes: BoxArray) -> Int64Array:

@@ -20,7 +20,7 @@ SPRITE_PIXELS = 2**26
 PIXELS_AT_ONCE = 2**22
 
 
-def check_area(size: "Size", what: str) -> "Size":
+def check_area(size: "Size", name: str) -> "Size":
     """Return `size`, (height, width) in pixels, if it is not too large.
 
     Raises:
@@ -29,5 +29,5 @@ def check_area(size: "Size", what: str) -> "Size":
     height, width = size
     if height * width > PICTURE_PIXELS:
         limit = f"the limit is {PICTURE_PIXELS} pixels, use a smaller one"
-        raise ParameterError(f"{what} ({height}, {width}) is too large: {limit}")
+        raise ParameterError(f"{name} ({height}, {width}) is too large: {limit}")
     return size

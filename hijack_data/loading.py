@@ -128,17 +128,17 @@ def load_reference(text: str) -> Any:
         UnknownNameError: the file or module has no such name.
         PluginError: the file or module cannot be read or imported; the message names file and line.
     """
-    place, _, name = text.rpartition(":")
-    lacks_name = text.endswith(SUFFIX) or not place or not name
+    source, _, name = text.rpartition(":")
+    lacks_name = text.endswith(SUFFIX) or not source or not name
     if lacks_name:
         example = f"{text.rstrip(':') or 'my_file.py'}:MyClass"
         raise PluginError(f"{text!r} names no class; write it behind a colon, such as {example}")
-    is_file = place.endswith(SUFFIX)
-    module = _module_of_file(place) if is_file else _import(place, text)
+    is_file = source.endswith(SUFFIX)
+    module = _module_of_file(source) if is_file else _import(source, text)
     if not hasattr(module, name):
         public = [key for key in vars(module) if not key.startswith("_")]
         hint = suggest(name, public)
-        raise UnknownNameError(f"{place}: has no {name!r}{hint}")
+        raise UnknownNameError(f"{source}: has no {name!r}{hint}")
     return getattr(module, name)
 
 
@@ -160,20 +160,20 @@ def find_loaded_file(cls: object) -> LoadedFile | None:
     return None
 
 
-def find_source(thing: object) -> dict[str, str] | None:
+def find_source(obj: object) -> dict[str, str] | None:
     """Return the file that defines a class or function: its `path` and `sha256`.
 
     For a loaded file the hash is that of the bytes that were run. Returns `None` if there is no
     such file.
     """
-    file = find_loaded_file(thing)
+    file = find_loaded_file(obj)
     if file is not None:
         return {"path": file.path, "sha256": file.sha256}
-    path = defining_file(thing)
+    path = defining_file(obj)
     if path is None or not Path(path).is_file():
         return None
-    place = os.path.realpath(path)
-    return {"path": place, "sha256": _hash(place)}
+    real_path = os.path.realpath(path)
+    return {"path": real_path, "sha256": _hash(real_path)}
 
 
 def holds(sha256: str, corruptions: Iterable[str]) -> bool:
@@ -200,9 +200,9 @@ def _load(path: PathLike) -> LoadedFile:
     Raises:
         PluginError: see `load_file`.
     """
-    place, data = _read(path)
+    real_path, data = _read(path)
     sha256 = hashlib.sha256(data).hexdigest()
-    file = _files.get(place)
+    file = _files.get(real_path)
     if file is not None:
         if file.sha256 != sha256:
             raise PluginError(f"{path}: was changed since this process loaded it; start again")
@@ -210,12 +210,12 @@ def _load(path: PathLike) -> LoadedFile:
     # Installed plug-ins are loaded first: a name that both define is an error of the file.
     load_installed(import_table("corruptions"))
     load_environment()
-    file = _files.get(place)
+    file = _files.get(real_path)
     if file is None:
-        file = _installed(place, sha256)
+        file = _installed(real_path, sha256)
     if file is None:
-        file = _execute(place, data, sha256)
-    _files[place] = file
+        file = _execute(real_path, data, sha256)
+    _files[real_path] = file
     return file
 
 
@@ -228,24 +228,24 @@ def _read(path: PathLike) -> tuple[str, bytes]:
     path = Path(path).expanduser()
     if path.suffix != SUFFIX:
         raise PluginError(f"{path}: not a Python file; give a file that ends in {SUFFIX}")
-    place = os.path.realpath(path)
-    if os.pathsep in place:
+    real_path = os.path.realpath(path)
+    if os.pathsep in real_path:
         problem = f"its path holds {os.pathsep!r}, which parts the paths of {VARIABLE}"
         raise PluginError(f"{path}: {problem}; rename it")
     try:
-        place.encode()
+        real_path.encode()
     except UnicodeEncodeError:
-        raise PluginError(f"{place!r}: its path is not UTF-8; rename the file") from None
+        raise PluginError(f"{real_path!r}: its path is not UTF-8; rename the file") from None
     try:
-        return place, Path(place).read_bytes()
+        return real_path, Path(real_path).read_bytes()
     except OSError as error:
         reason = error.strerror or str(error)
         raise PluginError(f"{path}: not a Python file that can be read ({reason})") from None
 
 
-def _module_of_file(place: str) -> ModuleType:
+def _module_of_file(path: str) -> ModuleType:
     """Load a file and return its module; child processes load it if it registers something."""
-    return sys.modules[run_file(place).module]
+    return sys.modules[run_file(path).module]
 
 
 def _import(module: str, text: str) -> ModuleType:
@@ -267,15 +267,15 @@ def _import(module: str, text: str) -> ModuleType:
         raise PluginError(f"{text}: cannot be imported: {reason}") from error
 
 
-def _installed(place: str, sha256: str) -> LoadedFile | None:
+def _installed(path: str, sha256: str) -> LoadedFile | None:
     """Return a file that an installed plug-in has already imported as a module, or `None`."""
     for registry in registries():
         for entry in registry.entries.values():
             source = defining_file(entry)
-            if source is None or os.path.realpath(source) != place:
+            if source is None or os.path.realpath(source) != path:
                 continue
             module = defining_module(entry)
-            return _loaded(place, sha256, module)
+            return _make_loaded_file(path, sha256, module)
     return None
 
 
@@ -284,31 +284,31 @@ def _hash(path: str) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _execute(place: str, data: bytes, sha256: str) -> LoadedFile:
+def _execute(path: str, data: bytes, sha256: str) -> LoadedFile:
     """Run the bytes that were read and hashed, as a new module.
 
     Raises:
         PluginError: the bytes cannot be compiled, or raise when they run.
         KeyboardInterrupt: the user interrupted the file.
     """
-    stem = re.sub(r"\W", "_", Path(place).stem)
-    digest = hashlib.sha256(place.encode()).hexdigest()
+    stem = re.sub(r"\W", "_", Path(path).stem)
+    digest = hashlib.sha256(path.encode()).hexdigest()
     name = f"hijack_file_{stem}_{digest[:8]}"
     module = ModuleType(name)
-    module.__file__ = place
+    module.__file__ = path
     sys.modules[name] = module
     try:
         with undone_on_failure():
-            exec(compile(data, place, "exec", dont_inherit=True), vars(module))  # noqa: S102
-            file = _loaded(place, sha256, name)
+            exec(compile(data, path, "exec", dont_inherit=True), vars(module))  # noqa: S102
+            file = _make_loaded_file(path, sha256, name)
             for registry, key in _registered(name):
                 registry.check(registry.resolve(key))
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # SystemExit too: a file may raise anything
         del sys.modules[name]
-        line = _line(error, place)
-        raise PluginError(f"{place}: cannot be imported{line}: {describe_error(error)}") from error
+        line = _line(error, path)
+        raise PluginError(f"{path}: cannot be imported{line}: {describe_error(error)}") from error
     for corruption in file.corruptions:
         copyreg.pickle(import_table("corruptions").resolve(corruption), _reduce)
     return file
@@ -321,28 +321,28 @@ def _registered(module: str) -> Iterator[tuple[EntryTable[Any], str]]:
             yield registry, name
 
 
-def _loaded(place: str, sha256: str, module: str) -> LoadedFile:
+def _make_loaded_file(path: str, sha256: str, module: str) -> LoadedFile:
     names: dict[str, tuple[str, ...]] = {}
     for registry, name in _registered(module):
         registered = names.get(registry.kind, ())
         names[registry.kind] = (*registered, name)
-    return LoadedFile(path=place, sha256=sha256, module=module, names=names)
+    return LoadedFile(path=path, sha256=sha256, module=module, names=names)
 
 
-def _line(error: BaseException, place: str) -> str:
+def _line(error: BaseException, path: str) -> str:
     """Return the line of the file that was running, in words."""
     frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if frame.filename == place]
+    lines = [frame.lineno for frame in frames if frame.filename == path]
     return f" (line {lines[-1]})" if lines else ""
 
 
-def _announce(place: str) -> None:
+def _announce(path: str) -> None:
     """Add a file to the list for child processes, by its absolute path."""
-    places = [os.path.realpath(entry) for entry in _entries()]
-    if place not in places:
-        places.append(place)
-    os.environ[VARIABLE] = os.pathsep.join(dict.fromkeys(places))
-    _listed.add(place)
+    paths = [os.path.realpath(entry) for entry in _entries()]
+    if path not in paths:
+        paths.append(path)
+    os.environ[VARIABLE] = os.pathsep.join(dict.fromkeys(paths))
+    _listed.add(path)
 
 
 def _reduce(spec: Any) -> tuple[Any, ...]:
@@ -366,10 +366,10 @@ def _revive(path: str, sha256: str, name: str, values: Mapping[str, Any]) -> Any
     """
     hashes = [file.sha256 for file in _files.values()]
     if sha256 not in hashes:
-        loaded = load_file(path).sha256
-        if loaded != sha256:
+        actual_sha256 = load_file(path).sha256
+        if actual_sha256 != sha256:
             raise HijackError(
-                f"{path}: another file (SHA-256 {loaded[:12]}) than the one that {name} was "
+                f"{path}: another file (SHA-256 {actual_sha256[:12]}) than the one that {name} was "
                 f"loaded from ({sha256[:12]}); every process needs the same file under this path"
             )
     cls = import_table("corruptions").resolve(name)

@@ -41,7 +41,7 @@ class Lock:
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor: int | None = descriptor
-        _held.add(self)
+        _held_locks.add(self)
 
     def release(self) -> None:
         """Release the lock; calling it again does nothing."""
@@ -77,11 +77,11 @@ class Lock:
         self.release()
 
 
-_held: "weakref.WeakSet[Lock]" = weakref.WeakSet()
+_held_locks: "weakref.WeakSet[Lock]" = weakref.WeakSet()
 
 
 def _forget_held() -> None:
-    for descriptor in list(_held):
+    for descriptor in list(_held_locks):
         descriptor.release()
 
 
@@ -118,18 +118,18 @@ def lock(path: Path, *, wait: bool = False, mode: int = 0o644) -> Lock:
     else:
         flags |= os.O_RDWR | os.O_CREAT
     descriptor = os.open(path, flags, mode)
-    held = Lock(descriptor)
+    file_lock = Lock(descriptor)
     operation = fcntl.LOCK_EX if wait else fcntl.LOCK_EX | fcntl.LOCK_NB
     try:
         fcntl.flock(descriptor, operation)
     except BlockingIOError:
         holder = _holder(descriptor)
-        held.release()
+        file_lock.release()
         raise LockedError(path, holder) from None
     except BaseException:
-        held.release()
+        file_lock.release()
         raise
-    return held
+    return file_lock
 
 
 def _holder(descriptor: int) -> str:

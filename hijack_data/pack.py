@@ -53,7 +53,7 @@ class RecordedAction:
     action: Action
     target_box: Box | None = None
 
-    def moved(self, dx: int, dy: int) -> "RecordedAction":
+    def translate(self, dx: int, dy: int) -> "RecordedAction":
         """Return the action on a screen with the picture's corner at `(dx, dy)`."""
         old = self.action
         action = replace(
@@ -161,19 +161,19 @@ class AssetPack:
         if folder is None:
             folder = os.environ.get(VARIABLE) or SHIPPED
         try:
-            place = Path(folder)
+            pack_folder = Path(folder)
         except TypeError:
             index = short_repr(folder)
             raise ParameterTypeError(f"an asset pack is a folder's path, got {index}") from None
         try:
-            state = (place / INDEX).stat()
+            state = (pack_folder / INDEX).stat()
         except (OSError, ValueError):
             raise AssetError(
-                f"{place}: no asset pack there ({INDEX} is missing); record one with "
+                f"{pack_folder}: no asset pack there ({INDEX} is missing); record one with "
                 f"`hijack desktop record --assets DIR`, or name one with {VARIABLE}"
             ) from None
-        pack = _read(os.path.abspath(place), state.st_mtime_ns, state.st_size)
-        _known.update({(asset.id, asset.sha256[:DIGITS]): asset for asset in pack.assets})
+        pack = _read(os.path.abspath(pack_folder), state.st_mtime_ns, state.st_size)
+        _asset_cache.update({(asset.id, asset.sha256[:DIGITS]): asset for asset in pack.assets})
         return pack
 
     @cached_property
@@ -237,7 +237,7 @@ def _registered_kinds() -> set[str]:
     return {kind for cls in corruptions.entries.values() for kind in cls.pictures}
 
 
-_known: dict[tuple[str, str], Asset] = {}
+_asset_cache: dict[tuple[str, str], Asset] = {}
 
 
 def find_asset(name: str, sha256: str) -> Asset:
@@ -246,23 +246,27 @@ def find_asset(name: str, sha256: str) -> Asset:
     Raises:
         AssetError: no pack has the picture, or a pack has a different picture with that name.
     """
-    if (name, sha256) not in _known:
+    if (name, sha256) not in _asset_cache:
         pack = AssetPack.load()
-        if (name, sha256) not in _known:
-            other = any(asset.id == name for asset in pack.assets)
-            state = "holds another picture of that name" if other else "does not hold it"
+        if (name, sha256) not in _asset_cache:
+            has_name = any(asset.id == name for asset in pack.assets)
+            state = "holds another picture of that name" if has_name else "does not hold it"
             raise AssetError(
                 f"the recorded picture {name!r} ({sha256}): {pack.folder} {state}; set {VARIABLE}"
                 " to the pack that the plan was made with"
             )
-    return _known[name, sha256]
+    return _asset_cache[name, sha256]
 
 
 @lru_cache(maxsize=8)
 def _read(folder: str, mtime: int, size: int) -> AssetPack:
     path = Path(folder) / INDEX
     index = read_versioned_json(
-        path, format=FORMAT, version=VERSION, what="the index of an asset pack", error=AssetError
+        path,
+        format=FORMAT,
+        version=VERSION,
+        description="the index of an asset pack",
+        error=AssetError,
     )
     try:
         assets = sorted(
@@ -316,11 +320,11 @@ def _asset(folder: Path, entry: Mapping[str, Any]) -> Asset:
     )
 
 
-def _recorded_action(data: Mapping[str, Any] | None, where: str) -> RecordedAction | None:
+def _recorded_action(data: Mapping[str, Any] | None, location: str) -> RecordedAction | None:
     if data is None:
         return None
     if data["type"] not in ACTION_TYPES:
-        raise ValueError(f"{where}: type {data['type']!r} is not known")
+        raise ValueError(f"{location}: type {data['type']!r} is not known")
     x: int | None = None
     y: int | None = None
     if data.get("x") is not None:

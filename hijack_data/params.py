@@ -48,11 +48,11 @@ class Parameter:
     optional: bool = False
     paper: str | None = None
 
-    def check(self, where: str, value: object) -> Any:
+    def check(self, key: str, value: object) -> Any:
         """Return `value` in its normal form.
 
         Args:
-            where: the name of the parameter in messages, such as `"marks.number"`.
+            key: the name of the parameter in messages, such as `"marks.number"`.
             value: the value to check.
 
         Raises:
@@ -61,7 +61,7 @@ class Parameter:
         """
         if value is None and self.optional:
             return None
-        return _CHECKS[self.kind](self, where, value)
+        return _CHECKS[self.kind](self, key, value)
 
     @property
     def accepts(self) -> str:
@@ -102,8 +102,8 @@ def parameters(spec: Any) -> dict[str, tuple[Parameter, Any]]:
     Args:
         spec: the class, or an instance of it.
     """
-    declared = [field for field in dataclasses.fields(spec) if _KEY in field.metadata]
-    return {field.name: (field.metadata[_KEY], field.default) for field in declared}
+    parameter_fields = [field for field in dataclasses.fields(spec) if _KEY in field.metadata]
+    return {field.name: (field.metadata[_KEY], field.default) for field in parameter_fields}
 
 
 def to_json(value: Any) -> Any:
@@ -124,86 +124,86 @@ def is_due(steps: Steps, step: int) -> bool:
     return step == steps
 
 
-def _wrong_type(where: str, value: object, expected: str) -> ParameterTypeError:
+def _wrong_type(key: str, value: object, expected: str) -> ParameterTypeError:
     actual = f"{short_repr(value)} ({type(value).__name__})"
-    return ParameterTypeError(f"{where} must be {expected}, got {actual}")
+    return ParameterTypeError(f"{key} must be {expected}, got {actual}")
 
 
-def _in_range(p: Parameter, where: str, value: float) -> None:
+def _in_range(p: Parameter, key: str, value: float) -> None:
     is_low = p.low is not None and value < p.low
     is_high = p.high is not None and value > p.high
     if is_low or is_high:
-        raise ParameterError(f"{where} must be {p.accepts}, got {short_repr(value)}")
+        raise ParameterError(f"{key} must be {p.accepts}, got {short_repr(value)}")
 
 
-def _check_bool(p: Parameter, where: str, value: object) -> bool:
+def _check_bool(p: Parameter, key: str, value: object) -> bool:
     if not isinstance(value, bool):
-        raise _wrong_type(where, value, "true or false")
+        raise _wrong_type(key, value, "true or false")
     return value
 
 
-def _check_int(p: Parameter, where: str, value: object) -> int:
+def _check_int(p: Parameter, key: str, value: object) -> int:
     if isinstance(value, bool):
-        raise _wrong_type(where, value, "an integer")
+        raise _wrong_type(key, value, "an integer")
     try:
         number = operator.index(cast(Any, value))
     except TypeError:
-        raise _wrong_type(where, value, "an integer") from None
-    _in_range(p, where, number)
+        raise _wrong_type(key, value, "an integer") from None
+    _in_range(p, key, number)
     return number
 
 
-def _check_float(p: Parameter, where: str, value: object) -> float:
+def _check_float(p: Parameter, key: str, value: object) -> float:
     if isinstance(value, bool) or not hasattr(value, "__float__"):
-        raise _wrong_type(where, value, "a number")
+        raise _wrong_type(key, value, "a number")
     try:
         number = float(cast(Any, value))
     except OverflowError:
         number = math.inf
     except (TypeError, ValueError):
-        raise _wrong_type(where, value, "a number") from None
+        raise _wrong_type(key, value, "a number") from None
     if not math.isfinite(number):
-        raise ParameterError(f"{where} must be finite, got {short_repr(value)}")
-    _in_range(p, where, number)
+        raise ParameterError(f"{key} must be finite, got {short_repr(value)}")
+    _in_range(p, key, number)
     return number
 
 
-def _check_str(p: Parameter, where: str, value: object) -> str:
+def _check_str(p: Parameter, key: str, value: object) -> str:
     if not isinstance(value, str):
-        raise _wrong_type(where, value, "a string")
+        raise _wrong_type(key, value, "a string")
     bad = next((c for c in value if ord(c) < 32 and c not in "\n\t"), None)
     if bad is not None:
-        raise ParameterError(f"{where} holds the control character {bad!r}; remove it")
+        raise ParameterError(f"{key} holds the control character {bad!r}; remove it")
     return value
 
 
-def _check_choice(p: Parameter, where: str, value: object) -> str:
+def _check_choice(p: Parameter, key: str, value: object) -> str:
     if not isinstance(value, str):
-        raise _wrong_type(where, value, f"one of {shorten_list(p.choices)}")
+        raise _wrong_type(key, value, f"one of {shorten_list(p.choices)}")
     if value not in p.choices:
         options = shorten_list(p.choices)
         hint = suggest(value, p.choices)
-        raise ParameterError(f"{where} must be one of {options}, got {short_repr(value)}{hint}")
+        raise ParameterError(f"{key} must be one of {options}, got {short_repr(value)}{hint}")
     return value
 
 
-def _check_color(p: Parameter, where: str, value: object) -> str:
+def _check_color(p: Parameter, key: str, value: object) -> str:
     if isinstance(value, list | tuple):
         parts = cast("Sequence[object]", value)
         if len(parts) == 3 and all(_is_channel(v) for v in parts):
             return "#{:02x}{:02x}{:02x}".format(*cast("Sequence[int]", parts))
-        raise ParameterError(f"{where} must be three integers in 0..255, got {short_repr(parts)}")
+        raise ParameterError(f"{key} must be three integers in 0..255, got {short_repr(parts)}")
     if not isinstance(value, str):
-        raise _wrong_type(where, value, "a colour name, '#rrggbb' or [r, g, b]")
+        raise _wrong_type(key, value, "a colour name, '#rrggbb' or [r, g, b]")
     try:
-        _opaque(value, where)
+        _opaque(value, key)
     except ParameterError:
         raise
     except ValueError:
         hint = suggest(value.lower(), ImageColor.colormap) if value.isalpha() else ""
         if "did you mean" not in hint:
             hint = "; use a CSS colour name or '#rrggbb'"
-        raise ParameterError(f"{where} is not a colour: {short_repr(value)}{hint}") from None
+        raise ParameterError(f"{key} is not a colour: {short_repr(value)}{hint}") from None
     return value
 
 
@@ -213,7 +213,7 @@ def _is_channel(value: object) -> bool:
     return 0 <= value <= 255
 
 
-def _opaque(color: str, where: str) -> tuple[int, int, int]:
+def _opaque(color: str, key: str) -> tuple[int, int, int]:
     """Return the channels of a colour.
 
     Raises:
@@ -223,46 +223,44 @@ def _opaque(color: str, where: str) -> tuple[int, int, int]:
     channels = ImageColor.getrgb(color)
     if len(channels) != 3:
         solid = "#{:02x}{:02x}{:02x}".format(*channels)
-        message = f"{where} = {color!r} has transparency, which is not drawn"
+        message = f"{key} = {color!r} has transparency, which is not drawn"
         raise ParameterError(f"{message}; use {solid!r}, the colour without it")
     return channels
 
 
-def _check_steps(p: Parameter, where: str, value: object) -> Steps:
+def _check_steps(p: Parameter, key: str, value: object) -> Steps:
     if isinstance(value, Every):
-        return _every(where, value.every)
+        return _parse_every(key, value.every)
     if isinstance(value, Mapping):
         data = cast("Mapping[object, object]", value)
         if set(data) != {"every"}:
-            raise ParameterError(
-                f"{where} as a mapping must be {{every: k}}, got {short_repr(data)}"
-            )
-        return _every(where, data["every"])
+            raise ParameterError(f"{key} as a mapping must be {{every: k}}, got {short_repr(data)}")
+        return _parse_every(key, data["every"])
     if isinstance(value, list | tuple):
         items = cast("Sequence[object]", value)
         if not items:
-            raise ParameterError(f"{where} is an empty list of steps; give at least one step")
-        steps = {_check_int(p, f"{where}[{i}]", item) for i, item in enumerate(items)}
+            raise ParameterError(f"{key} is an empty list of steps; give at least one step")
+        steps = {_check_int(p, f"{key}[{i}]", item) for i, item in enumerate(items)}
         return tuple(sorted(steps))
     try:
-        return _check_int(p, where, value)
+        return _check_int(p, key, value)
     except ParameterTypeError:
-        raise _wrong_type(where, value, "a step, a list of steps or {every: k}") from None
+        raise _wrong_type(key, value, "a step, a list of steps or {every: k}") from None
 
 
-def _every(where: str, value: object) -> Every:
+def _parse_every(key: str, value: object) -> Every:
     positive = Parameter("int", "", low=1)
-    return Every(_check_int(positive, f"{where}.every", value))
+    return Every(_check_int(positive, f"{key}.every", value))
 
 
-def _check_ip(p: Parameter, where: str, value: object) -> str:
+def _check_ip(p: Parameter, key: str, value: object) -> str:
     if not isinstance(value, str):
-        raise _wrong_type(where, value, "an IP address as a string")
+        raise _wrong_type(key, value, "an IP address as a string")
     try:
         return address(value)
     except ValueError as error:
         zone = "; leave out the zone, from % on" if "%" in value else "; example: 192.168.1.10"
-        raise ParameterError(f"{where} is not an IP address: {error}{zone}") from None
+        raise ParameterError(f"{key} is not an IP address: {error}{zone}") from None
 
 
 def address(text: str) -> str:

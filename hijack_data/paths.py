@@ -21,7 +21,7 @@ def example_recordings() -> Path:
     Raises:
         HijackError: the folder is missing.
     """
-    for place in _RECORDINGS:
-        if (place / "trajectories.jsonl").is_file():
-            return place
+    for folder in _RECORDINGS:
+        if (folder / "trajectories.jsonl").is_file():
+            return folder
     raise HijackError(f"{_RECORDINGS[0]}: no recordings there; reinstall agenthijack")

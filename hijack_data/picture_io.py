@@ -37,13 +37,13 @@ def load_image(path: str | os.PathLike[str]) -> tuple[UInt8Array, tuple[str, ...
         ParameterTypeError: `path` is not a path.
     """
     try:
-        place = Path(path)
+        file = Path(path)
     except TypeError:
         raise ParameterTypeError(
             f"a picture is named by its path, got {short_repr(path)}"
         ) from None
     try:
-        data = place.read_bytes()
+        data = file.read_bytes()
     except OSError as error:
         raise ImageError(f"{path}: cannot be read ({error.strerror or error})") from None
     except ValueError as error:  # a NUL, or half a surrogate
@@ -92,7 +92,7 @@ def _decoded(data: bytes, name: str, upright: bool) -> tuple[UInt8Array, tuple[s
     image.load()
     picture = ImageOps.exif_transpose(image) if notes else image
     if image.mode != "RGB":
-        notes = (*notes, f"{name}: {image.mode} was converted to RGB{_lost(image)}")
+        notes = (*notes, f"{name}: {image.mode} was converted to RGB{_transparency_note(image)}")
     return np.array(picture.convert("RGB")), notes
 
 
@@ -121,7 +121,7 @@ def _check(image: Image.Image, name: str) -> None:
         raise ImageError(f"{name}: {size} is more than {PICTURE_PIXELS} pixels")
 
 
-def _lost(image: Image.Image) -> str:
+def _transparency_note(image: Image.Image) -> str:
     transparent = image.mode in ("RGBA", "LA", "PA") or "transparency" in image.info
     return ", transparency dropped" if transparent else ""
 

@@ -273,7 +273,7 @@ def _by_name(plan: Plan) -> Mapping[str, Any]:
     return plan.params if "+" in plan.corruption else {plan.corruption: plan.params}
 
 
-def _check(value: object, kind: Any, where: str, expected: str) -> Any:
+def _check(value: object, kind: Any, path: str, expected: str) -> Any:
     """Return `value` if it has the type `kind`; a `bool` does not count as an `int`.
 
     Raises:
@@ -281,17 +281,17 @@ def _check(value: object, kind: Any, where: str, expected: str) -> Any:
     """
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         actual = f"{short_repr(value)} ({type(value).__name__})"
-        raise PlanError(f"plan: {where} has the wrong type: {actual}; it must be {expected}")
+        raise PlanError(f"plan: {path} has the wrong type: {actual}; it must be {expected}")
     return value
 
 
-def _check_all(values: object, kind: Any, where: str, expected: str) -> None:
-    for index, value in enumerate(_check(values, tuple, where, "a tuple")):
-        _check(value, kind, f"{where}[{index}]", expected)
+def _check_all(values: object, kind: Any, path: str, expected: str) -> None:
+    for index, value in enumerate(_check(values, tuple, path, "a tuple")):
+        _check(value, kind, f"{path}[{index}]", expected)
 
 
-def _frozen(params: object, where: str) -> Mapping[str, Any]:
-    return freeze(_check(params, Mapping, where, "a mapping"), f"plan: {where}")
+def _frozen(params: object, path: str) -> Mapping[str, Any]:
+    return freeze(_check(params, Mapping, path, "a mapping"), f"plan: {path}")
 
 
 _write = json.JSONEncoder(
@@ -326,14 +326,14 @@ def _check_version(version: object) -> None:
         raise PlanError(f"plan: version {version} {newer}; upgrade agenthijack")
 
 
-def _fields(data: object, kinds: Mapping[str, type], where: str) -> dict[str, Any]:
+def _fields(data: object, kinds: Mapping[str, type], path: str) -> dict[str, Any]:
     """Check that a JSON object has exactly the fields of `kinds`, of these types, and return it.
 
     Raises:
         PlanError: a field is missing, unknown or of another type.
     """
-    fields: dict[str, Any] = _check(data, dict, where or "it", "an object")
-    dot = f"{where}." if where else ""
+    fields: dict[str, Any] = _check(data, dict, path or "it", "an object")
+    dot = f"{path}." if path else ""
     for key, kind in kinds.items():
         if key not in fields:
             raise PlanError(f"plan: {dot}{key} is missing; the plan was cut off, plan again")
@@ -377,37 +377,37 @@ def _parse(data: object) -> Plan:
     )
 
 
-def _parse_op(data: object, where: str) -> Op:
-    kind = _check(data, dict, where, "an object").get("op")
+def _parse_op(data: object, path: str) -> Op:
+    kind = _check(data, dict, path, "an object").get("op")
     if kind == "paste":
-        op = _fields(data, _PASTE, where)
+        op = _fields(data, _PASTE, path)
         if not _FINGERPRINT.fullmatch(op["fingerprint"]):
             raise PlanError(
-                f"plan: {where}.fingerprint is malformed: {short_repr(op['fingerprint'])}"
+                f"plan: {path}.fingerprint is malformed: {short_repr(op['fingerprint'])}"
             )
-        return Paste(op["sprite"], _points(op["at"], f"{where}.at"), op["fingerprint"])
+        return Paste(op["sprite"], _points(op["at"], f"{path}.at"), op["fingerprint"])
     if kind == "resample":
-        op = _fields(data, _RESAMPLE, where)
+        op = _fields(data, _RESAMPLE, path)
         if op["filter"] != "bicubic":
             actual = short_repr(op["filter"])
-            raise PlanError(f"plan: {where}.filter = {actual}; only 'bicubic' is known")
-        return Resample(_size(op["size"], f"{where}.size"))
-    raise PlanError(f"plan: {where}.op = {short_repr(kind)} is not known; known: paste, resample")
+            raise PlanError(f"plan: {path}.filter = {actual}; only 'bicubic' is known")
+        return Resample(_size(op["size"], f"{path}.size"))
+    raise PlanError(f"plan: {path}.op = {short_repr(kind)} is not known; known: paste, resample")
 
 
-def _size(value: list[object], where: str) -> Size:
+def _size(value: list[object], path: str) -> Size:
     """Check that a size in a plan is a list of integers, and return it."""
     for index, side in enumerate(value):
-        _check(side, int, f"{where}[{index}]", "an integer")
-    return as_size(value, f"plan: {where}")
+        _check(side, int, f"{path}[{index}]", "an integer")
+    return as_size(value, f"plan: {path}")
 
 
-def _points(values: list[Any], where: str) -> tuple[Point, ...]:
+def _points(values: list[Any], path: str) -> tuple[Point, ...]:
     bad = next((i for i, value in enumerate(values) if not _is_point(value)), None)
     if bad is None:
         return tuple((x, y) for x, y in values)
     expected = f"[x, y], two integers, pixel coordinates of at most {MAX_SIDE}"
-    problem = f"{where}[{bad}] is out of range or has the wrong type: {short_repr(values[bad])}"
+    problem = f"{path}[{bad}] is out of range or has the wrong type: {short_repr(values[bad])}"
     raise PlanError(f"plan: {problem}; it must be {expected}")
 
 

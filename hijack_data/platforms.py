@@ -46,7 +46,7 @@ def find_platform(name: object) -> Platform | None:
     )
 
 
-def as_platform(name: object, what: str = "platform") -> Platform:
+def as_platform(name: object, key: str = "platform") -> Platform:
     """Check that a name is that of a platform, and return the platform.
 
     Raises:
@@ -55,9 +55,9 @@ def as_platform(name: object, what: str = "platform") -> Platform:
     """
     if not isinstance(name, str):
         raise ParameterTypeError(
-            f"{what} must be the name of a platform ({', '.join(PLATFORMS)}), got {name!r:.80}"
+            f"{key} must be the name of a platform ({', '.join(PLATFORMS)}), got {name!r:.80}"
         )
     platform = find_platform(name)
     if platform is None:
-        raise ParameterError(f"{what}: unknown platform {name!r:.80}{suggest(name, PLATFORMS)}")
+        raise ParameterError(f"{key}: unknown platform {name!r:.80}{suggest(name, PLATFORMS)}")
     return platform

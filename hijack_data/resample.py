@@ -95,15 +95,15 @@ def _weights(n_in: int, n_out: int) -> Weights:
 
 def _trim(first: npt.NDArray[np.int64], taps: npt.NDArray[np.int32], n_in: int) -> Weights:
     """Drop columns of zeros, and move windows that stick out at the end back inside."""
-    used = int(np.flatnonzero(taps.any(axis=0)).max()) + 1
-    taps = taps[:, :used]
-    start = np.minimum(first, n_in - used)
+    width = int(np.flatnonzero(taps.any(axis=0)).max()) + 1
+    taps = taps[:, :width]
+    start = np.minimum(first, n_in - width)
     shift = (first - start)[:, None]
-    column = np.arange(used) - shift
+    column = np.arange(width) - shift
     indices = np.take_along_axis(taps, np.maximum(column, 0), axis=1)
-    moved = np.where(column >= 0, indices, 0)
+    weights = np.where(column >= 0, indices, 0)
     start32 = start.astype(np.int32)
-    moved = np.ascontiguousarray(moved.astype(np.int32))
+    weights = np.ascontiguousarray(weights.astype(np.int32))
     start32.setflags(write=False)
-    moved.setflags(write=False)
-    return Weights(start32, moved)
+    weights.setflags(write=False)
+    return Weights(start32, weights)

@@ -110,13 +110,13 @@ def as_seed(value: object) -> int:
     return _integer(value, "seed", 0, 2**64 - 1)
 
 
-def _integer(value: object, what: str, low: int, high: int) -> int:
+def _integer(value: object, name: str, low: int, high: int) -> int:
     if isinstance(value, bool) or not hasattr(value, "__index__"):
         description = f"{value!r} ({type(value).__name__})"
-        raise ParameterTypeError(f"{what} must be an integer, got {description}")
+        raise ParameterTypeError(f"{name} must be an integer, got {description}")
     number = cast(Any, value).__index__()
     if not low <= number <= high:
-        raise ParameterError(f"{what} must be in [{low}, {high}], got {number}")
+        raise ParameterError(f"{name} must be in [{low}, {high}], got {number}")
     return number
 
 
@@ -142,9 +142,9 @@ class Stream:
         seed = _integer(seed, "seed", 0, _MASK)
         step = _integer(step, "step", -(2**31), 2**31 - 1)
         epoch = _integer(epoch, "epoch", 0, 2**32 - 1)
-        place = (epoch << 32) | (step & 0xFFFFFFFF)
+        epoch_and_step = (epoch << 32) | (step & 0xFFFFFFFF)
         key = np.array([seed, _words(name)[0]], np.uint64)
-        counter = np.array([0, place, *_sample_words(sample)], np.uint64)
+        counter = np.array([0, epoch_and_step, *_sample_words(sample)], np.uint64)
         self._bits = np.random.Philox(key=key, counter=counter)
         self._drawn: list[int] = []  # words that `integers` drew and did not use, in reverse order
 

@@ -192,9 +192,9 @@ def visible_share(plan: Plan, boxes: BoxesLike) -> list[float]:
 
 def _shares(plan: Plan, painted: _Painted | None, boxes: BoxArray) -> list[float]:
     """Return `visible_share` of boxes; `painted` holds the stamps of the plan."""
-    moved = _on_picture(plan, boxes)
-    rows = moved.tolist()
-    hidden_pixels = None if painted is None else painted.hidden_in(moved)
+    mapped_boxes = _on_picture(plan, boxes)
+    rows = mapped_boxes.tolist()
+    hidden_pixels = None if painted is None else painted.hidden_in(mapped_boxes)
     if hidden_pixels is None:
         mask = hidden(plan)
         hidden_pixels = [int(np.count_nonzero(mask[y1:y2, x1:x2])) for x1, y1, x2, y2 in rows]
@@ -210,10 +210,10 @@ def _on_picture(plan: Plan, boxes: BoxArray) -> BoxArray:
     inside = clip_boxes(boxes, plan.size)
     if plan.out_size == plan.size:
         return inside
-    moved = plan.coords.boxes_to_observation(inside)
+    mapped_boxes = plan.coords.boxes_to_observation(inside)
     is_empty = (inside[:, :2] >= inside[:, 2:]).any(axis=1)
-    moved[is_empty] = 0
-    return moved
+    mapped_boxes[is_empty] = 0
+    return mapped_boxes
 
 
 def _share(covered_pixels: int, area: int) -> float:
@@ -254,10 +254,10 @@ def changed_pixels(before: Any, after: Any, plan: Plan | None = None) -> int:
     areas = None
     if plan is not None:
         areas = _painted_areas(plan, _painted(plan))
-    return int(_changed(before, after, areas))
+    return int(_count_changes(before, after, areas))
 
 
-def _changed(before: Any, after: Any, areas: BoxArray | None) -> Any:
+def _count_changes(before: Any, after: Any, areas: BoxArray | None) -> Any:
     """Return how many pixels differ, as an integer or as a scalar that a device still computes."""
     height, width = find_backend(after).size(after)
     if find_backend(before).size(before) != (height, width):
@@ -334,13 +334,13 @@ def judge_all(
     """
     painted = [_painted(plan) for plan in plans]
     counts = [
-        _changed(picture, two, _painted_areas(plan, stamps))
-        for plan, stamps, picture, two in zip(plans, painted, before, after, strict=True)
+        _count_changes(old, new, _painted_areas(plan, stamps))
+        for plan, stamps, old, new in zip(plans, painted, before, after, strict=True)
     ]
     rows = zip(plans, painted, counts, targets, ends, boxes, strict=True)
     return [
-        _verdict(plan, stamps, int(count), _ends(target, end), every)
-        for plan, stamps, count, target, end, every in rows
+        _verdict(plan, stamps, int(count), _ends(target, end), picture_boxes)
+        for plan, stamps, count, target, end, picture_boxes in rows
     ]
 
 

@@ -66,17 +66,17 @@ class SamplePlanner:
 
         `key` is its id; `epoch` is used if the sample has no epoch.
         """
-        place = self.labels.find_target(sample, size)
+        location = self.labels.find_target(sample, size)
         boxes = as_boxes(self.labels.boxes(sample, "elements", size), "elements")
-        target = None if place is None else as_target(place.target, size)
+        target = None if location is None else as_target(location.target, size)
         scene = Scene(size, boxes, target=target)
         step = scalar(sample.get("step"), "step", 0)
         epoch = scalar(sample.get("epoch"), "epoch", epoch)
         if self.label_policy == "keep":
             return self.planner.plan(scene, seed=self.seed, sample=key, step=step, epoch=epoch)
-        if place is None:
+        if location is None:
             self.labels.check_target(sample, size, {self.id_key})
-        end = None if place is None else place.end
+        end = None if location is None else location.end
         plan = plan_avoiding(
             self.planner, scene, seed=self.seed, sample=key, step=step, epoch=epoch, end=end
         )
@@ -110,7 +110,7 @@ class SamplePlanner:
     def corrupt(
         self,
         sample: Mapping[str, Any],
-        known: Mapping[str, Any],
+        planner_entries: Mapping[str, Any],
         make_plan: Callable[[Size, list[SamplePicture]], Plan],
         *,
         seed: int | None,
@@ -120,7 +120,7 @@ class SamplePlanner:
 
         Args:
             sample: the entries of one sample.
-            known: the same, as planners read them.
+            planner_entries: the same, as planners read them.
             make_plan: returns the plan for its pictures, of a size (height, width).
             seed: the seed of the plan, or `None` for a plan given by the user.
             return_plan: also return `plan`, as text with `"json"`, and `target_visible`.
@@ -134,7 +134,7 @@ class SamplePlanner:
         entries = {**sample, **changes}
         changes |= self.follow(plan, entries, pictures[0].pixels, after, seed, unclear=unclear)
         if return_plan:
-            changes |= self.plan_entries(plan, known, return_plan)
+            changes |= self.plan_entries(plan, planner_entries, return_plan)
         return changes
 
     def follow(
@@ -153,11 +153,11 @@ class SamplePlanner:
         `before` and `after` are its main picture, `seed` is as in `corrupt`; for `skip` and
         `unclear` see `Labels.follow`.
         """
-        moved = self.labels.follow(plan, sample, {self.id_key, *skip}, unclear)
+        changes = self.labels.follow(plan, sample, {self.id_key, *skip}, unclear)
         if not is_row(sample):
-            return moved
-        place = self.labels.find_target(sample, plan.size)
-        return {**moved, **corrupted_row(sample, plan, before, after, place, seed)}
+            return changes
+        location = self.labels.find_target(sample, plan.size)
+        return {**changes, **corrupted_row(sample, plan, before, after, location, seed)}
 
     def plan_entries(
         self, plan: Plan, sample: Mapping[str, Any], return_plan: bool | str
@@ -166,8 +166,8 @@ class SamplePlanner:
 
         The share is NaN without a target: a number in every sample, for batches and tables.
         """
-        place = self.labels.find_target(sample, plan.size)
-        share = None if place is None else target_visible(plan, place.target, place.end)
+        location = self.labels.find_target(sample, plan.size)
+        share = None if location is None else target_visible(plan, location.target, location.end)
         share = math.nan if share is None else share
         return {"plan": plan.to_json() if return_plan == "json" else plan, "target_visible": share}
 
@@ -183,13 +183,13 @@ def make_labels(labels: Declared | None, target: str | None, image_key: str | No
         return Labels(labels, target)
     if not isinstance(cast(object, image_key), str):
         raise ParameterTypeError(f"image_key must be the name of an entry, got {image_key!r}")
-    declared = dict(labels or {})
-    if find_format(declared.get(image_key, PICTURE)).name != PICTURE:
+    declarations = dict(labels or {})
+    if find_format(declarations.get(image_key, PICTURE)).name != PICTURE:
         raise ParameterError(
             f"image_key={image_key!r} is the picture, but labels= declares it"
-            f" {declared[image_key]!r}; leave it out of labels="
+            f" {declarations[image_key]!r}; leave it out of labels="
         )
-    return Labels({**declared, image_key: PICTURE}, target)
+    return Labels({**declarations, image_key: PICTURE}, target)
 
 
 def corrupted_pixels(plan: Plan, pictures: list[SamplePicture]) -> dict[int, Any]:
@@ -227,7 +227,7 @@ def _id(value: Any) -> int | str:
     return int(value.__index__())
 
 
-def scalar(value: Any, what: str, default: int) -> int:
+def scalar(value: Any, name: str, default: int) -> int:
     """Return an integer entry, or `default` if there is none.
 
     Raises:
@@ -240,4 +240,4 @@ def scalar(value: Any, what: str, default: int) -> int:
             return int(value.__index__())
     except (AttributeError, TypeError):
         pass
-    raise ParameterTypeError(f"{what} must be an integer, got {value!r}")
+    raise ParameterTypeError(f"{name} must be an integer, got {value!r}")

@@ -18,11 +18,11 @@ OTHERS = ("pipelines", "online_env")
 def find_shadow(*names: str) -> str:
     """Return which file or folder hides one of the packages `names`, and the remedy, or ""."""
     for name in names:
-        place = _find_package(name)
-        if place is not None and place != os.path.realpath(os.path.join(HOME, name)):
-            folder = os.path.dirname(place)
+        path = _find_package(name)
+        if path is not None and path != os.path.realpath(os.path.join(HOME, name)):
+            folder = os.path.dirname(path)
             return (
-                f"{place} is imported in the place of AgentHijack's own package {name!r}, because "
+                f"{path} is imported instead of AgentHijack's own package {name!r}, because "
                 f"{folder} comes before {HOME} on sys.path; rename it, or leave its folder "
                 "out of PYTHONPATH and start Python elsewhere"
             )
@@ -52,5 +52,5 @@ def _find_package(name: str) -> str | None:
     if spec is None:
         return None
     folders = list(spec.submodule_search_locations or ())
-    place = folders[0] if folders else spec.origin
-    return os.path.realpath(place) if place else None
+    path = folders[0] if folders else spec.origin
+    return os.path.realpath(path) if path else None

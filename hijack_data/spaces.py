@@ -109,7 +109,7 @@ def _write(space: Text, index: int, value: str, shared_memory: Any) -> None:
     data = len(content).to_bytes(_HEAD, "little") + content
     start = index * _SLOT
     end = start + len(data)
-    _bytes_of(shared_memory)[start:end] = data
+    _byte_view(shared_memory)[start:end] = data
 
 
 @read_from_shared_memory.register(Text)
@@ -137,7 +137,7 @@ class SharedTexts(Sequence[str]):
     def __getitem__(self, index: Any) -> Any:
         if isinstance(index, slice):
             return tuple(self[i] for i in range(*index.indices(self._n)))
-        memory = _bytes_of(self._memory)
+        memory = _byte_view(self._memory)
         number = range(self._n)[operator.index(index)]
         head = number * _SLOT
         start = head + _HEAD
@@ -152,5 +152,5 @@ class SharedTexts(Sequence[str]):
         return repr(tuple(self))
 
 
-def _bytes_of(shared_memory: Any) -> memoryview:
+def _byte_view(shared_memory: Any) -> memoryview:
     return memoryview(shared_memory.get_obj()).cast("B")

@@ -14,5 +14,5 @@ def has_half(text: str) -> bool:
 
 
 def without_halves(text: str) -> str:
-    """Return a text with the replacement character in the place of each half."""
+    """Return a text with each half replaced by the replacement character."""
     return _HALF.sub("\N{REPLACEMENT CHARACTER}", text)

@@ -66,7 +66,7 @@ def size_text(size: Size) -> str:
     return f"{size[1]}x{size[0]}"
 
 
-def as_size(value: object, what: str = "size") -> Size:
+def as_size(value: object, name: str = "size") -> Size:
     """Check a `(height, width)` pair of positive integers.
 
     Raises:
@@ -77,15 +77,15 @@ def as_size(value: object, what: str = "size") -> Size:
         height, width = (operator.index(v) for v in cast("Sequence[int]", value))
     except (TypeError, ValueError):
         expected = "(height, width), two integers"
-        raise ParameterTypeError(f"{what} must be {expected}, got {value!r}") from None
+        raise ParameterTypeError(f"{name} must be {expected}, got {value!r}") from None
     if height < 1 or width < 1:
-        raise ParameterError(f"{what} must be at least (1, 1), got ({height}, {width})")
+        raise ParameterError(f"{name} must be at least (1, 1), got ({height}, {width})")
     if max(height, width) > MAX_SIDE:
-        raise ParameterError(f"{what} ({height}, {width}) is beyond {MAX_SIDE} pixels a side")
+        raise ParameterError(f"{name} ({height}, {width}) is beyond {MAX_SIDE} pixels a side")
     return height, width
 
 
-def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
+def as_boxes(value: BoxesLike, name: str = "boxes") -> BoxArray:
     """Return boxes as an int32 array of shape `[N, 4]`, `xyxy`.
 
     `None` and empty input give shape `[0, 4]`. Fractional edges are rounded (halves up); a box with
@@ -98,7 +98,7 @@ def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
     """
     if value is None:
         return np.zeros((0, 4), np.int32)
-    expected = f"{what} must be rows of x1, y1, x2, y2"
+    expected = f"{name} must be rows of x1, y1, x2, y2"
     try:
         is_mask = np.asarray(value).dtype == np.bool_
         raw = np.asarray(value, dtype=np.float64)
@@ -109,28 +109,28 @@ def as_boxes(value: BoxesLike, what: str = "boxes") -> BoxArray:
     if raw.size == 0:
         return np.zeros((0, 4), np.int32)
     if raw.ndim != 2 or raw.shape[1] != 4:
-        raise ParameterError(f"{what} must have shape [N, 4] (xyxy), got {list(raw.shape)}")
+        raise ParameterError(f"{name} must have shape [N, 4] (xyxy), got {list(raw.shape)}")
     if not np.isfinite(raw).all() or np.abs(raw).max() > 2**30:
-        raise ParameterError(f"{what} hold a number that is not finite or is beyond 2**30")
-    boxes = _whole_boxes(raw, what)
+        raise ParameterError(f"{name} hold a number that is not finite or is beyond 2**30")
+    boxes = _whole_boxes(raw, name)
     swapped = (boxes[:, 2:] < boxes[:, :2]).any(axis=1)
     if swapped.any():
         bad = int(np.flatnonzero(swapped)[0])
         advice = "boxes are x1, y1, x2, y2 (not x, y, w, h)"
         raise ParameterError(
-            f"{what}[{bad}] = {boxes[bad].tolist()} ends before it starts; {advice}"
+            f"{name}[{bad}] = {boxes[bad].tolist()} ends before it starts; {advice}"
         )
     return boxes
 
 
-def _whole_boxes(raw: npt.NDArray[np.float64], what: str) -> BoxArray:
+def _whole_boxes(raw: npt.NDArray[np.float64], name: str) -> BoxArray:
     """Return boxes with their edges rounded, see `as_boxes`."""
     boxes = np.floor(raw + 0.5).astype(np.int32)
     fractional = (boxes != raw).any(axis=1)
     if not fractional.any():
         return boxes
     for row in raw[fractional]:
-        _refuse_fractions(row.tolist(), what)
+        _refuse_fractions(row.tolist(), name)
     thin = (raw[:, 2:] > raw[:, :2]) & (boxes[:, 2:] <= boxes[:, :2])
     low = np.floor(raw[:, :2]).astype(np.int32)
     boxes[:, :2][thin] = low[thin]
@@ -185,8 +185,8 @@ def _around(point: list[float], size: Size | None) -> Box:
         across = -SLACK * width <= x <= (1 + SLACK) * width
         down = -SLACK * height <= y <= (1 + SLACK) * height
         if not (across and down):
-            where = f"outside the {width}x{height} screen"
-            raise ParameterError(f"target ({x}, {y}) is {where}; give pixels of this screen")
+            location = f"outside the {width}x{height} screen"
+            raise ParameterError(f"target ({x}, {y}) is {location}; give pixels of this screen")
         x = min(max(x, 0), width - 1)
         y = min(max(y, 0), height - 1)
     half = POINT_TARGET // 2
@@ -198,10 +198,10 @@ def are_fractions(numbers: Sequence[float]) -> bool:
     return all(0 <= v <= 1 for v in numbers) and any(v != int(v) for v in numbers)
 
 
-def _refuse_fractions(numbers: Sequence[float], what: str) -> None:
+def _refuse_fractions(numbers: Sequence[float], name: str) -> None:
     if are_fractions(numbers):
         raise ParameterError(
-            f"{what} holds {list(numbers)}, which are fractions of the picture, not pixels;"
+            f"{name} holds {list(numbers)}, which are fractions of the picture, not pixels;"
             " multiply x by its width and y by its height, or in a sample declare the entry, such"
             " as labels={'bbox': 'xyxy01', 'click': 'point01'}"
         )

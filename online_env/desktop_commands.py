@@ -89,13 +89,13 @@ def install(
     echo(f"ready: {ready}; start a desktop with: hijack desktop up")
 
 
-def _check_sources(host: bool, other: str | None) -> None:
+def _check_sources(host: bool, other_source: str | None) -> None:
     """Check that an installation has one source.
 
     Raises:
         UsageError: It is to be made of the machine's packages and of something else.
     """
-    if host and other:
+    if host and other_source:
         raise click.UsageError("--host takes this machine's packages: without --image and --mirror")
 
 
@@ -311,7 +311,7 @@ def view(name: str | None, port: int) -> None:
 
     running = left_running() if name is None else []
     lasting = name is not None or len(running) == 1
-    with attach(name or running[0]["id"]) if lasting else _own() as present:
+    with attach(name or running[0]["id"]) if lasting else _start_viewed_desktop() as present:
         buttons = Buttons(present, Ledger(folder(present.id)))
         serve(present.record, port, echo, lasting=lasting, buttons=buttons)
 
@@ -324,7 +324,7 @@ def _code(result: RunResult) -> int:
     return code if code > 0 else 128 - code
 
 
-def _own() -> Any:
+def _start_viewed_desktop() -> Any:
     """Start a desktop for a page; its name says so, and no other desktop gets it again."""
     from .embedded.desktop import EmbeddedDesktop
     from .embedded.runtime import registry

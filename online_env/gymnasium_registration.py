@@ -35,9 +35,9 @@ def register(registration: Any) -> None:
 
 def register_with_gymnasium() -> None:
     """Register the environments now, or as soon as gymnasium is imported."""
-    loaded = sys.modules.get(_REGISTRY)
-    if loaded is not None:
-        register(loaded)
+    gymnasium_registry = sys.modules.get(_REGISTRY)
+    if gymnasium_registry is not None:
+        register(gymnasium_registry)
     elif not any(isinstance(finder, _Finder) for finder in sys.meta_path):
         sys.meta_path.insert(0, _Finder())
 

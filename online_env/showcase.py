@@ -52,7 +52,7 @@ def show_nine(desktop: Desktop, seed: int = 3) -> Iterator[ShowcaseEntry]:
     launch(desktop, BROWSER, PAGE)
     _wait_for_page(desktop)
     for name in corruption_names()[:9]:
-        rest(desktop)
+        settled_screen(desktop)
         yield _show(desktop, name, seed)
 
 
@@ -68,9 +68,9 @@ def _show(desktop: Desktop, name: str, seed: int) -> ShowcaseEntry:
     after = applied.after
     if name == "network_error":
         _visit(desktop, OTHER_PAGE)  # the page that is open already stays
-        after = rest(desktop)
+        after = settled_screen(desktop)
     elif applied.records:
-        after = rest(desktop)
+        after = settled_screen(desktop)
     for record in reversed(applied.records):
         undone = resume(record, desktop).undo()
         if not undone.ok:
@@ -90,7 +90,7 @@ def _visit(desktop: Desktop, address: str) -> None:
     time.sleep(SETTLED.quiet)
 
 
-def rest(desktop: Desktop) -> UInt8Array:
+def settled_screen(desktop: Desktop) -> UInt8Array:
     """Return the screen once it has settled, or after some seconds, uint8 RGB `[H, W, 3]`."""
     return wait_until_settled(desktop, SETTLED, with_tree=False).frame
 

@@ -31,24 +31,24 @@ class Meter:
         self.quiet = quiet
         self.last = 0
 
-    def __call__(self, done: int, total: int, text: str) -> None:
-        """Show that `done` of `total` are done."""
+    def __call__(self, completed: int, total: int, text: str) -> None:
+        """Show that `completed` of `total` are done."""
         if self.quiet:
             return
         if sys.stderr.isatty():
-            self._draw(done, total)
-        elif done == total or done - self.last >= max(100, total // 10):
-            self.last = done
-            echo(f"{done} of {total} {text}", err=True)
+            self._draw(completed, total)
+        elif completed == total or completed - self.last >= max(100, total // 10):
+            self.last = completed
+            echo(f"{completed} of {total} {text}", err=True)
 
-    def _draw(self, done: int, total: int) -> None:
+    def _draw(self, completed: int, total: int) -> None:
         if self.bar is None:
             from rich.progress import Progress
 
             self.bar = Progress(console=console(stderr=True))
             self.bar.start()
             self.task = self.bar.add_task("rows", total=total)
-        self.bar.update(self.task, completed=done, total=total)
+        self.bar.update(self.task, completed=completed, total=total)
 
     def close(self) -> None:
         """Close the progress bar and restore the terminal."""
@@ -259,12 +259,12 @@ def inspect(source: tuple[str, ...], format_: str | None, as_json: bool, **optio
     """Show the content of recordings, and the result of a build, without building."""
     from .inspection import inspect_source
 
-    found = inspect_source(source, format=format_, **options)
+    findings = inspect_source(source, format=format_, **options)
     if as_json:
-        echo(json.dumps(found.to_data()))
+        echo(json.dumps(findings.to_data()))
     else:
-        console().print(*found.tables(), sep="\n")
-    raise SystemExit(found.exit_code)
+        console().print(*findings.tables(), sep="\n")
+    raise SystemExit(findings.exit_code)
 
 
 @click.command()
@@ -352,13 +352,13 @@ def stats(folder: str, as_json: bool, out: str | None) -> None:
     from .dataset.stats import stats as stats_of
     from .dataset.stats_page import page
 
-    found = stats_of(folder)
+    statistics = stats_of(folder)
     if out is not None:
-        write_atomic(out, page(folder, found))
+        write_atomic(out, page(folder, statistics))
     if as_json:
-        echo(json.dumps(found.to_data()))
+        echo(json.dumps(statistics.to_data()))
     else:
-        console().print(*found.tables(), *([f"page: {out}"] if out else []), sep="\n")
+        console().print(*statistics.tables(), *([f"page: {out}"] if out else []), sep="\n")
 
 
 @click.command()

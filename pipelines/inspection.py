@@ -257,7 +257,7 @@ def inspect_source(
     sources.refuse_nothing()
     inspection = Inspection(tuple(sources.names))
     sampled: list[SourceItem] = []
-    counted: Counter[tuple[object, ...]] = Counter()
+    counts: Counter[tuple[object, ...]] = Counter()
     for read in sources.read():
         if isinstance(read.item, Rejected):
             _reject(inspection, read.item)
@@ -266,8 +266,8 @@ def inspect_source(
         facts = read_facts(read.item)
         # the kind of screen decides which corruptions apply
         key = (os.fspath(read.root), read.item.source, facts.screen, facts.platform)
-        counted[key] += 1
-        if counted[key] <= sample:
+        counts[key] += 1
+        if counts[key] <= sample:
             sampled.append(read)
     inspection.unread = sources.unread
     inspection.notes += [*sources.advice(), *sources.exclusions()]

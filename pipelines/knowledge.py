@@ -32,7 +32,7 @@ from hijack_data.config.nodes import (
     Problems,
     ScalarNode,
     SequenceNode,
-    kind_of,
+    describe_node,
 )
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.errors import ParameterError, ParameterTypeError, suggest
@@ -55,12 +55,12 @@ MIN_SIMILARITY = 0.8
 
 @dataclass(frozen=True)
 class KnowledgeEntry:
-    """One entry of the file; `where` is its place, for reports."""
+    """One entry of the file; `location` is its place, for reports."""
 
     match: str
     apps: tuple[str, ...]
     platform: Platform | None
-    where: str
+    location: str
 
 
 @dataclass(frozen=True)
@@ -103,13 +103,13 @@ class Knowledge:
             if entry not in used_entries:
                 match = f"{entry.match!r} matches no trajectory"
                 reason = f"{match}; give an id, or a pattern with * and ?"
-                yield Rejected(SIDECAR, entry.where, "match", reason)
+                yield Rejected(SIDECAR, entry.location, "match", reason)
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters for the manifest; empty if the user gave nothing."""
         facts = {"apps": list(self.apps), "platform": self.platform, "file_sha256": self.sha256}
-        stated = {key: value for key, value in facts.items() if value}
-        return {RECORDINGS: stated} if stated else {}
+        known_facts = {key: value for key, value in facts.items() if value}
+        return {RECORDINGS: known_facts} if known_facts else {}
 
     def _completed(
         self, trajectory: Trajectory, used_entries: set[KnowledgeEntry], excluded: list[str]
@@ -144,14 +144,14 @@ class Knowledge:
         Raises:
             BuildError: its own are others.
         """
-        stated = collect_apps(trajectory.apps, trajectory.domain)
-        if stated and not any(self._covers(name) for name in stated):
+        recorded_apps = collect_apps(trajectory.apps, trajectory.domain)
+        if recorded_apps and not any(self._covers(name) for name in recorded_apps):
             raise BuildError(
                 f"apps {','.join(self.apps)}: trajectory {trajectory.id!r} states"
-                f" {', '.join(sorted(stated))}; the option speaks for every trajectory: leave it"
-                " out, and list the applications by trajectory in agenthijack.yaml"
+                f" {', '.join(sorted(recorded_apps))}; the option speaks for every trajectory:"
+                " leave it out, and list the applications by trajectory in agenthijack.yaml"
             )
-        if stated:
+        if recorded_apps:
             return ()
         if not all(map(self._covers, mentioned_programs(trajectory.instruction))):
             excluded.append(trajectory.id)
@@ -245,12 +245,12 @@ def _items(tree: ConfigNode, problems: Problems) -> list[ConfigNode]:
     listed = tree.items.get(RECORDINGS) if isinstance(tree, MappingNode) else None
     if not isinstance(listed, SequenceNode):
         problems.stop(
-            tree.place,
+            tree.position,
             f"write a list under the key {RECORDINGS}: of entries with match, apps and platform",
         )
-    for key, place in cast("MappingNode", tree).keys.items():
+    for key, position in cast("MappingNode", tree).keys.items():
         if key != RECORDINGS:
-            problems.add(place, f"unknown key {key!r}{suggest(key, [RECORDINGS])}")
+            problems.add(position, f"unknown key {key!r}{suggest(key, [RECORDINGS])}")
     return listed.items
 
 
@@ -258,26 +258,27 @@ def _entry(tree: ConfigNode, problems: Problems) -> KnowledgeEntry | None:
     """Return an entry, or note the problems of a broken one."""
     if not isinstance(tree, MappingNode):
         problems.add(
-            tree.place, f"an entry is a mapping with match, apps and platform, got {kind_of(tree)}"
+            tree.position,
+            f"an entry is a mapping with match, apps and platform, got {describe_node(tree)}",
         )
         return None
-    for key, place in tree.keys.items():
+    for key, position in tree.keys.items():
         if key not in FIELDS:
-            problems.add(place, f"unknown key {key!r}{suggest(key, FIELDS)}")
+            problems.add(position, f"unknown key {key!r}{suggest(key, FIELDS)}")
     match = _text(tree.items.get("match"))
     if match is None:
         problems.add(
-            tree.place,
+            tree.position,
             "match is missing; write the id of a trajectory, or a pattern such as match:"
             ' "chrome/*"',
         )
     if "apps" not in tree.items and "platform" not in tree.items:
-        problems.add(tree.place, "says nothing; give apps, platform or both")
+        problems.add(tree.position, "says nothing; give apps, platform or both")
     apps = _listed_apps(tree.items.get("apps"), problems)
     platform = _listed_platform(tree.items.get("platform"), problems)
-    place = tree.place
+    position = tree.position
     return KnowledgeEntry(
-        match or "", apps, platform, f"line {place.line}" if place.line else RECORDINGS
+        match or "", apps, platform, f"line {position.line}" if position.line else RECORDINGS
     )
 
 
@@ -287,14 +288,14 @@ def _listed_apps(tree: ConfigNode | None, problems: Problems) -> tuple[str, ...]
     names = [_text(item) for item in tree.items] if isinstance(tree, SequenceNode) else [None]
     if not names or None in names:
         problems.add(
-            tree.place,
-            f"apps must be a list of names such as [chrome, vscode], got {kind_of(tree)}",
+            tree.position,
+            f"apps must be a list of names such as [chrome, vscode], got {describe_node(tree)}",
         )
         return ()
     try:
         return _apps(names)
     except ParameterError as error:
-        problems.add(tree.place, str(error))
+        problems.add(tree.position, str(error))
         return ()
 
 
@@ -305,7 +306,7 @@ def _listed_platform(tree: ConfigNode | None, problems: Problems) -> Platform | 
     platform = find_platform(name)
     if platform is None:
         problems.add(
-            tree.place, f"unknown platform {kind_of(tree)}{suggest(name or '', PLATFORMS)}"
+            tree.position, f"unknown platform {describe_node(tree)}{suggest(name or '', PLATFORMS)}"
         )
     return platform
 

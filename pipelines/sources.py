@@ -88,13 +88,13 @@ class Sources:
         choices = ReaderOptions(
             parameters.get("coordinates"), parameters.get("boxes"), parameters.get("episode_key")
         )
-        stated = parameters.get(RECORDINGS, {})
+        recordings = parameters.get(RECORDINGS, {})
         return cls.open(
             source,
             parameters.get("format"),
             choices,
-            apps=stated.get("apps"),
-            platform=stated.get("platform"),
+            apps=recordings.get("apps"),
+            platform=recordings.get("platform"),
         )
 
     @property
@@ -140,8 +140,8 @@ class Sources:
         parameters = self.knowledge[0].parameters()
         hashes = [knowledge.sha256 for knowledge in self.knowledge]
         if len(hashes) > 1 and any(hashes):
-            stated = parameters.get(RECORDINGS, {})
-            parameters = {RECORDINGS: {**stated, "file_sha256": hashes}}
+            recordings = parameters.get(RECORDINGS, {})
+            parameters = {RECORDINGS: {**recordings, "file_sha256": hashes}}
         return parameters
 
     def notes(self) -> Iterator[str]:
@@ -193,8 +193,8 @@ class Sources:
             used_ids.add(trajectory.id)
             return trajectory
         self.renamed += 1
-        place = self._label(index) if len(self.paths) > 1 else trajectory.source
-        name = f"{place}/{trajectory.id}"
+        prefix = self._label(index) if len(self.paths) > 1 else trajectory.source
+        name = f"{prefix}/{trajectory.id}"
         candidate = name
         number = 1
         while candidate in used_ids:

@@ -174,7 +174,7 @@ def test_an_error_names_the_page_that_explains_it(tmp_path: Path):
     anchors = {part: help_pages.anchor(part) for part in help_pages.EXPLAINED[:2]}
     assert list(anchors.values()) == [
         "pip-install",
-        "is-imported-in-the-place-of-agenthijacks-own-package",
+        "is-imported-instead-of-agenthijacks-own-package",
     ]
 
 

@@ -49,7 +49,7 @@ def refused(done: "subprocess.CompletedProcess[str]", place: Path) -> None:
     assert done.returncode == 2, done.stdout + done.stderr
     line, page = done.stderr.splitlines()
     assert page.startswith("hijack: explained in docs/troubleshooting.md#is-imported")
-    assert line.startswith(f"hijack: error: {place} is imported in the place of AgentHijack's own")
+    assert line.startswith(f"hijack: error: {place} is imported instead of AgentHijack's own")
     assert "rename it" in line
 
 
@@ -85,7 +85,7 @@ def test_an_import_of_the_core_warns(name: str, place, tmp_path: Path) -> None:
     where = place(name)
     value = python(tmp_path, "import hijack_data")
     assert value.returncode == 0
-    assert f"HijackWarning: {where} is imported in the place of AgentHijack's" in value.stderr
+    assert f"HijackWarning: {where} is imported instead of AgentHijack's" in value.stderr
     assert "<string>:1:" in value.stderr  # the line of the user's import
     quiet = python(tmp_path, "import warnings; warnings.simplefilter('ignore'); import hijack_data")
     assert quiet.stderr == ""
@@ -96,7 +96,7 @@ def test_the_doctor_lists_it(place, tmp_path: Path) -> None:
     value = python(tmp_path, START, "doctor", "--json")
     rows = {row["what"]: row for row in json.loads(value.stdout)["found"]}
     assert not rows["online_env"]["ok"]
-    assert rows["online_env"]["found"].startswith(f"{where} is imported in the place of")
+    assert rows["online_env"]["found"].startswith(f"{where} is imported instead of")
 
 
 def test_nothing_is_in_the_way_here() -> None:

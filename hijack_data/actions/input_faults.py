@@ -46,7 +46,7 @@ _MOVES = ("moveTo", "moveRel", "move")
 _DRAGS = ("dragTo", "dragRel", "drag")
 _WHEELS = ("scroll", "hscroll", "vscroll")
 _HOLDS = {"keyDown": "keyUp", "mouseDown": "mouseUp"}
-_NOTHING = "pyautogui.sleep(0)"  # in the place of a call that does not arrive
+_NOTHING = "pyautogui.sleep(0)"  # replaces a call that does not arrive
 
 
 @dataclass(frozen=True)
@@ -162,7 +162,7 @@ class WaitingFaults:
     def add(self, faults: Iterable[InputFault]) -> None:
         """Let the faults of a plan wait; each replaces one of the same kind that still waits."""
         for fault in faults:
-            self._waiting = [other for other in self._waiting if other.fault != fault.fault]
+            self._waiting = [earlier for earlier in self._waiting if earlier.fault != fault.fault]
             self._waiting.append(fault)
 
     def alter(self, code: str, boxes: BoxArray) -> AlteredAction | None:
@@ -237,7 +237,7 @@ def is_relative(calls: Sequence[PyautoguiCall]) -> bool:
 def input_kinds(calls: Sequence[PyautoguiCall]) -> set[InputKind]:
     """Return the kinds of inputs among the calls of an action; moving the pointer is none."""
     kinds: set[InputKind] = set()
-    is_down = moved = False
+    is_down = has_moved = False
     for call in calls:
         name = call.function
         if name in (*KEYBOARD, *POINTER) and not _presses(call):
@@ -249,12 +249,12 @@ def input_kinds(calls: Sequence[PyautoguiCall]) -> set[InputKind]:
         elif name in _DRAGS:
             kinds.add("drag")
         elif name == "mouseDown":
-            is_down, moved = True, False
+            is_down, has_moved = True, False
         elif name == "mouseUp":
-            kinds.add("drag" if is_down and (moved or "x" in _bind(call)) else "click")
+            kinds.add("drag" if is_down and (has_moved or "x" in _bind(call)) else "click")
             is_down = False
         elif name in _MOVES:
-            moved = True
+            has_moved = True
         elif name in POINTER:
             kinds.add("click")
     if is_down:
@@ -284,31 +284,31 @@ def first_press(code: str, size: Size) -> Point | None:
         ActionError: the code is beyond the grammar.
     """
     source = ParsedSource(code)
-    place: Point | None = None
+    pointer: Point | None = None
     for call in read_calls(source, LIVE_FUNCTIONS):
         if call.function not in POINTER:
             continue
         x, y, _ = read_coordinates(source, call, Scaling(size, size))
         is_drag = call.function in _DRAGS  # presses where the pointer is, and moves on
         if not is_drag:
-            place = _moved(place, x, y, "x" in POINTER[call.function], size)
+            pointer = _pointer_after(pointer, x, y, "x" in POINTER[call.function], size)
         if is_drag or call.function not in (*_MOVES, *_WHEELS, "mouseUp"):
-            return place
+            return pointer
     return None
 
 
-def _moved(
-    place: Point | None, x: int | None, y: int | None, is_absolute: bool, size: Size
+def _pointer_after(
+    pointer: Point | None, x: int | None, y: int | None, is_absolute: bool, size: Size
 ) -> Point | None:
     """Return where the pointer is after a move, as far as that is known."""
     if is_absolute and x is not None and y is not None:
         return x, y
-    if place is None:
+    if pointer is None:
         return None
     height, width = size
     if is_absolute:
-        return place[0] if x is None else x, place[1] if y is None else y
-    across, down = place[0] + (x or 0), place[1] + (y or 0)
+        return pointer[0] if x is None else x, pointer[1] if y is None else y
+    across, down = pointer[0] + (x or 0), pointer[1] + (y or 0)
     return max(0, min(across, width - 1)), max(0, min(down, height - 1))
 
 

@@ -82,15 +82,15 @@ class ParsedSource:
                 warnings.simplefilter("ignore")  # "\d" in a typed text is up to the agent
                 return ast.parse(self._code)
         except SyntaxError as error:
-            place = self._place(error.lineno or 1, error.offset or 1)
+            location = self._location(error.lineno or 1, error.offset or 1)
             reason = error.msg
         except (ValueError, RecursionError, MemoryError, OverflowError) as error:
-            place = "the code"
+            location = "the code"
             first_line = str(error).split("\n")[0]
             reason = first_line[:_SHOWN] or "nested too deeply"
         excerpt = self._code[:_SHOWN]
         raise ActionError(
-            f"{place}: not Python ({reason}): {excerpt!r}; give pyautogui calls such as"
+            f"{location}: not Python ({reason}): {excerpt!r}; give pyautogui calls such as"
             " pyautogui.click(100, 200), or WAIT, FAIL or DONE"
         )
 
@@ -129,9 +129,9 @@ class ParsedSource:
         line = getattr(node, "lineno", 1)
         column = getattr(node, "col_offset", 0)
         characters = self._offset(line, column) - self._starts[line - 1]
-        raise ActionError(f"{self._place(line, characters + 1)}: {problem}; {fix}")
+        raise ActionError(f"{self._location(line, characters + 1)}: {problem}; {fix}")
 
-    def _place(self, line: int, column: int) -> str:
+    def _location(self, line: int, column: int) -> str:
         if line == 1:
             column += self._indent
         return f"line {line + self._lines_before}, column {column}"

@@ -42,8 +42,8 @@ def _mapped(data: object, dialect: str, scaling: Scaling) -> object:
     if dialect in DICT_DIALECTS:
         return map_typed(data, dialect, scaling)
     fields: dict[str, Any] = dict(cast("Mapping[str, Any]", data))
-    place: Any = fields.get("mouse_position")
-    if isinstance(place, dict):
-        x, y = scaling.point(cast(Any, place)["width"], cast(Any, place)["height"])
+    position: Any = fields.get("mouse_position")
+    if isinstance(position, dict):
+        x, y = scaling.point(cast(Any, position)["width"], cast(Any, position)["height"])
         fields["mouse_position"] = {"width": x, "height": y}
     return fields

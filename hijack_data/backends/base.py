@@ -153,8 +153,8 @@ class Backend(ABC):
         if self.mutable and keeps_size(plans):
             return self._apply_batch(plans, images, lead, inplace=inplace)
         results = [
-            self._apply_one(plan, images[place], inplace=False)
-            for plan, place in zip(plans, places(lead), strict=True)
+            self._apply_one(plan, images[index], inplace=False)
+            for plan, index in zip(plans, picture_indices(lead), strict=True)
         ]
         return self.gather(results, lead)
 
@@ -172,11 +172,11 @@ class Backend(ABC):
     ) -> Any:
         """Apply plans that keep the size, and write the results into one array."""
         out = batch if inplace else self.empty_like(batch)
-        for plan, place in zip(plans, places(lead), strict=True):
-            view = out[place]
+        for plan, index in zip(plans, picture_indices(lead), strict=True):
+            view = out[index]
             # Copy and paint picture by picture, while the copy is still in the processor's cache.
             if not inplace:
-                view[...] = batch[place]
+                view[...] = batch[index]
             result = self.run(plan, view, owned=True)
             if result is not view:
                 view[...] = result
@@ -222,7 +222,7 @@ class Backend(ABC):
         )
 
 
-def places(lead: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+def picture_indices(lead: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
     """Return the indices of the pictures of a batch with leading axes `lead`, in C order."""
     return product(*(range(count) for count in lead))
 

@@ -20,7 +20,7 @@ from ..kernels.cpu import pixels
 from ..kernels.gpu import device
 from ..plan import Paste, Plan, Resample
 from ..types import Size, UInt8Array
-from .base import Backend, keeps_size, places
+from .base import Backend, keeps_size, picture_indices
 
 
 class TorchBackend(Backend):
@@ -94,7 +94,11 @@ class TorchBackend(Backend):
             return super().apply_many(plans, images, lead, inplace=inplace)
         same_size = keeps_size(plans)
         out = self.copy(images) if same_size and not inplace else images
-        views = list(out.unbind()) if len(lead) == 1 else [out[place] for place in places(lead)]
+        views = (
+            list(out.unbind())
+            if len(lead) == 1
+            else [out[index] for index in picture_indices(lead)]
+        )
         results = self._run_together(plans, views, owned=same_size)
         if not same_size:
             return self.gather(results, lead)
@@ -124,7 +128,7 @@ class TorchBackend(Backend):
             for (run, _), image in zip(pending, resized, strict=True):
                 run.image = image
                 run.writable = True
-                run.done += 1
+                run.next_op += 1
 
     def _paste_all(self, runs: list["_Run"]) -> None:
         """Make all pastes before the next resize of each picture."""
@@ -144,28 +148,28 @@ class TorchBackend(Backend):
 
 @dataclass
 class _Run:
-    """A plan that is being run on one picture; the first `done` operations are finished."""
+    """A plan that is being run on one picture; `next_op` is the index of its next operation."""
 
     plan: Plan
     image: Tensor
     writable: bool
-    done: int = 0
+    next_op: int = 0
 
     def take_pastes(self, size: Size) -> list[Stamp] | None:
         """Return the stamps up to the next resize, if any, and count them as done."""
         ops = self.plan.ops
-        start = self.done
+        start = self.next_op
         stamps: list[Stamp] = []
-        while self.done < len(ops) and isinstance(ops[self.done], Paste):
-            stamps += plan_stamps(self.plan, self.done, size)
-            self.done += 1
-        return stamps if self.done > start else None
+        while self.next_op < len(ops) and isinstance(ops[self.next_op], Paste):
+            stamps += plan_stamps(self.plan, self.next_op, size)
+            self.next_op += 1
+        return stamps if self.next_op > start else None
 
     def resize(self) -> Resample | None:
         """Return the next operation if it is a resize, otherwise `None`."""
-        if self.done == len(self.plan.ops):
+        if self.next_op == len(self.plan.ops):
             return None
-        op = self.plan.ops[self.done]
+        op = self.plan.ops[self.next_op]
         return op if isinstance(op, Resample) else None
 
 

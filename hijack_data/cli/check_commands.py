@@ -47,11 +47,11 @@ def check(target: str, desktop: bool, timeout: float) -> None:
     out = console()
     failed = 0
     if target.endswith(SUFFIX):
-        loaded = run_file(target)
-        agents = _find_agents(loaded)
-        failed = _check_file(out, loaded, desktop)
-        tasks = _find_tasks(loaded)
-        _check_content(loaded, target, [*agents, *tasks])
+        file = run_file(target)
+        agents = _find_agents(file)
+        failed = _check_file(out, file, desktop)
+        tasks = _find_tasks(file)
+        _check_content(file, target, [*agents, *tasks])
         failed += sum(_check_task(out, name, desktop) for name in tasks)
     else:
         agents = [target]
@@ -61,19 +61,19 @@ def check(target: str, desktop: bool, timeout: float) -> None:
         sys.exit(1)
 
 
-def _check_content(loaded: LoadedFile, target: str, plugins: list[str]) -> None:
+def _check_content(file: LoadedFile, target: str, plugins: list[str]) -> None:
     """Check that a file holds something to check.
 
     Raises:
         PluginError: it registers nothing, and has neither agents nor tasks.
     """
-    if not loaded.names and not plugins:
+    if not file.names and not plugins:
         raise PluginError(
             f"{target}: registers nothing, and has no class with predict(instruction, obs)"
         )
 
 
-def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
+def _check_file(out: Any, file: LoadedFile, desktop: bool) -> int:
     """Check corruptions and effects; return how many checks failed."""
     from rich.markup import escape
 
@@ -81,11 +81,11 @@ def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
     from ..corruption import find_corruption
 
     failed = 0
-    corruptions = [find_corruption(name) for name in loaded.corruptions]
+    corruptions = [find_corruption(name) for name in file.corruptions]
     for cls in corruptions:
         out.print(f"[bold]{cls().id}[/] {escape(cls.summary())}")
         failed += sum(not _show(out, result) for result in conformance.run(cls))
-    for kind in loaded.effects:
+    for kind in file.effects:
         effects: Any = importlib.import_module("online_env.effects.checking")
         out.print(f"[bold]effect {kind}[/] {escape(effects.summary(kind))}")
         results = effects.check(kind, effects.params_for(kind, corruptions), desktop)
@@ -93,25 +93,25 @@ def _check_file(out: Any, loaded: LoadedFile, desktop: bool) -> int:
     return failed
 
 
-def _find_agents(loaded: LoadedFile) -> list[str]:
+def _find_agents(file: LoadedFile) -> list[str]:
     """Return the agents of a file; a file without agents imports nothing."""
     classes = [
         value
-        for value in vars(sys.modules[loaded.module]).values()
-        if isinstance(value, type) and value.__module__ == loaded.module
+        for value in vars(sys.modules[file.module]).values()
+        if isinstance(value, type) and value.__module__ == file.module
     ]
-    if not any(hasattr(cls, "predict") for cls in classes) and "agent" not in loaded.names:
+    if not any(hasattr(cls, "predict") for cls in classes) and "agent" not in file.names:
         return []
-    return importlib.import_module("online_env.agents.checking").agents_in_file(loaded)
+    return importlib.import_module("online_env.agents.checking").agents_in_file(file)
 
 
-def _find_tasks(loaded: LoadedFile) -> list[str]:
+def _find_tasks(file: LoadedFile) -> list[str]:
     """Return the tasks of a file; a file without tasks imports nothing."""
-    module = vars(sys.modules[loaded.module])
+    module = vars(sys.modules[file.module])
     has_phrasings = any(getattr(value, "phrasings", None) for value in module.values())
-    if not has_phrasings and "task" not in loaded.names:
+    if not has_phrasings and "task" not in file.names:
         return []
-    return importlib.import_module("online_env.tasks.checking").task_names(loaded)
+    return importlib.import_module("online_env.tasks.checking").task_names(file)
 
 
 def _check_task(out: Any, name: str, desktop: bool) -> int:

@@ -23,11 +23,11 @@ def complete(source: str, *more: str) -> Completion:
         ctx: click.Context, parameter: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
         before, comma, last = incomplete.rpartition(",")
-        used = before.split(",")
+        words_before = before.split(",")
         return [
             CompletionItem(before + comma + word)
             for word in (*_names(source), *more)
-            if word.startswith(last) and word not in used
+            if word.startswith(last) and word not in words_before
         ]
 
     return completion
@@ -42,8 +42,8 @@ def complete_configuration(*folders: str) -> Completion:
         names = (name.partition("/") for name in _names("hijack_data.config_files:available"))
         return [
             CompletionItem(name)
-            for place, _, name in names
-            if place in folders and name.startswith(incomplete)
+            for folder, _, name in names
+            if folder in folders and name.startswith(incomplete)
         ]
 
     return completion

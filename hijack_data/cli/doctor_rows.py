@@ -78,7 +78,7 @@ def desktop_row() -> tuple[str, str, str, str]:
 
 def _extras() -> dict[str, tuple[str, ...]]:
     """Return all extras except `all`, those with a listed purpose first."""
-    declared = dict(extras.extras())
-    declared.pop("all", None)
-    described = {name: declared[name] for name in PURPOSES if name in declared}
-    return described | declared
+    modules_by_extra = dict(extras.extras())
+    modules_by_extra.pop("all", None)
+    described = {name: modules_by_extra[name] for name in PURPOSES if name in modules_by_extra}
+    return described | modules_by_extra

@@ -40,7 +40,7 @@ class FigureTable:
             self._headings += [block] if isinstance(block, str) else block
             self._blocks.append(list(range(first, len(self._headings))))
         self._rows = [
-            [row[place] if place < len(row) else "" for place in range(len(self._headings))]
+            [row[column] if column < len(row) else "" for column in range(len(self._headings))]
             for row in rows
         ]
         self._title = title
@@ -52,35 +52,35 @@ class FigureTable:
         lines = [self._headings, *self._rows]
         widths = [max(map(cell_len, column)) for column in zip(*lines, strict=True)]
         widths[0] = min(widths[0], options.max_width // 2)
-        for number, places in enumerate(self._parts(widths, options.max_width)):
+        for number, columns in enumerate(self._parts(widths, options.max_width)):
             if number:
                 yield ""
-            yield self._part(widths[0], places)
+            yield self._part(widths[0], columns)
 
     def _parts(self, widths: Sequence[int], room: int) -> list[list[int]]:
         """Return the places of the columns in each of the tables."""
         parts: list[list[int]] = [[]]
         width = widths[0]
         for block in self._blocks:
-            places = [place for place in block if self._has_figures(place)]
-            block_width = sum(_GAP + widths[place] for place in places)
+            columns = [column for column in block if self._has_figures(column)]
+            block_width = sum(_GAP + widths[column] for column in columns)
             if parts[-1] and width + block_width > room:
                 parts.append([])
                 width = widths[0]
-            parts[-1] += places
+            parts[-1] += columns
             width += block_width
         return parts
 
-    def _has_figures(self, place: int) -> bool:
-        return not self._rows or any(row[place] for row in self._rows)
+    def _has_figures(self, column: int) -> bool:
+        return not self._rows or any(row[column] for row in self._rows)
 
-    def _part(self, label_width: int, places: Sequence[int]) -> Table:
+    def _part(self, label_width: int, columns: Sequence[int]) -> Table:
         table = Table(box=None, header_style="bold", pad_edge=False, padding=(0, _GAP, 0, 0))
         table.add_column(escape(self._headings[0]), overflow="fold", width=label_width)
-        for place in places:
-            table.add_column(escape(self._headings[place]), justify="right", overflow="fold")
+        for column in columns:
+            table.add_column(escape(self._headings[column]), justify="right", overflow="fold")
         for row in self._rows:
-            table.add_row(*(escape(row[place]) for place in (0, *places)))
+            table.add_row(*(escape(row[column]) for column in (0, *columns)))
         return table
 
 

@@ -5,7 +5,7 @@ import re
 PAGE = "docs/troubleshooting.md"
 EXPLAINED = (
     "pip install",
-    "is imported in the place of AgentHijack's own package",
+    "is imported instead of AgentHijack's own package",
     "and nothing says whether these entries of the sample must follow",
     "nothing says whether these entries of the sample are pictures",
     "does not fit",

@@ -66,10 +66,10 @@ def apply_to_folder(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) ->
     problems: list[str] = []
     for name, target in names.items():
         source = folder / name
-        place = out / target
+        output_path = out / target
         try:
-            place.parent.mkdir(parents=True, exist_ok=True)
-            plan, result, notes = corrupt(str(source), str(place), name.as_posix())
+            output_path.parent.mkdir(parents=True, exist_ok=True)
+            plan, result, notes = corrupt(str(source), str(output_path), name.as_posix())
         except OSError as error:
             raise HijackError(f"{out}: cannot be written to ({error.strerror or error})") from None
         except HijackError as error:

@@ -13,7 +13,7 @@ Every mistake in a file is reported at once.
 
 `corruptions` is a list, or a mapping from names to parameters. Other top-level keys are those of
 `options.OPTIONS`, and `paper_compat: true`, which reads the paper's own names and keys. A file that
-has `noise` in the place of `corruptions`, as the authors' `config/default.yaml`, is read so too.
+has `noise` instead of `corruptions`, as the authors' `config/default.yaml`, is read so too.
 """
 
 import os
@@ -29,7 +29,15 @@ from ..planner import Planner
 from .build import Builder
 from .corruption_settings import check
 from .dumping import dump
-from .nodes import ConfigNode, MappingNode, Position, Problems, ScalarNode, from_python, kind_of
+from .nodes import (
+    ConfigNode,
+    MappingNode,
+    Position,
+    Problems,
+    ScalarNode,
+    describe_node,
+    from_python,
+)
 from .options import OPTIONS
 from .paper import WRAPPER, paper_name
 from .yaml_reader import read_yaml
@@ -95,8 +103,8 @@ def specs_from(text: str) -> list[Corruption]:
             f"corruptions holds an empty name: {text!r}; write 'marks,subtitle' or 'all'"
         )
     specs = [make_corruption(name) for name in names]
-    found = [spec.name for spec in specs]
-    twice = next((name for name in found if found.count(name) > 1), None)
+    spec_names = [spec.name for spec in specs]
+    twice = next((name for name in spec_names if spec_names.count(name) > 1), None)
     if twice is not None:
         raise ParameterError(f"corruptions names {twice!r} twice: {text!r}; remove one")
     return specs
@@ -111,8 +119,8 @@ def _load(source: object, *, paper: bool) -> Config:
         )
     if not isinstance(tree, MappingNode):
         problems.stop(
-            tree.place,
-            f"a configuration is a mapping with the key corruptions, got {kind_of(tree)}",
+            tree.position,
+            f"a configuration is a mapping with the key corruptions, got {describe_node(tree)}",
         )
     config = _config(tree, name, problems, paper)
     problems.check()
@@ -145,7 +153,7 @@ def _config(tree: MappingNode, source: str, problems: Problems, paper: bool) -> 
             problems.add(tree.keys[key], _unknown(key))
     if "corruptions" not in tree.items:
         problems.add(
-            tree.place, "the key corruptions is missing; write corruptions: [marks, subtitle]"
+            tree.position, "the key corruptions is missing; write corruptions: [marks, subtitle]"
         )
         return Config({}, options, source)
     return Config(Builder(problems, paper).build(tree.items["corruptions"]), options, source)
@@ -153,20 +161,20 @@ def _config(tree: MappingNode, source: str, problems: Problems, paper: bool) -> 
 
 def _unwrapped(tree: MappingNode, problems: Problems) -> MappingNode:
     """Move what is under `noise` to `corruptions`; note if the file forbids or repeats it."""
-    place = tree.keys[WRAPPER]
+    position = tree.keys[WRAPPER]
     if "corruptions" in tree.items:
-        problems.add(place, f"{WRAPPER!r} and 'corruptions' both list corruptions; keep one")
-        others = {key: item for key, item in tree.items.items() if key != WRAPPER}
-        return MappingNode(tree.place, others, tree.keys)
+        problems.add(position, f"{WRAPPER!r} and 'corruptions' both list corruptions; keep one")
+        items = {key: item for key, item in tree.items.items() if key != WRAPPER}
+        return MappingNode(tree.position, items, tree.keys)
     flag = tree.items.get("paper_compat")
     if isinstance(flag, ScalarNode) and flag.value is False:
         problems.add(
-            place,
+            position,
             f"{WRAPPER!r} is the key of the authors' file, which paper_compat: false does not read;"
             " name it corruptions, or leave out paper_compat",
         )
     renamed = {key if key != WRAPPER else "corruptions": item for key, item in tree.items.items()}
-    return MappingNode(tree.place, renamed, {**tree.keys, "corruptions": place})
+    return MappingNode(tree.position, renamed, {**tree.keys, "corruptions": position})
 
 
 def _wrapped(tree: MappingNode) -> MappingNode:
@@ -179,9 +187,11 @@ def _wrapped(tree: MappingNode) -> MappingNode:
     option_nodes: dict[str, ConfigNode] = {
         key: value for key, value in tree.items.items() if key not in keys
     }
-    inner = MappingNode(tree.place, keys, tree.keys)
+    inner = MappingNode(tree.position, keys, tree.keys)
     return MappingNode(
-        tree.place, {**option_nodes, "corruptions": inner}, {**tree.keys, "corruptions": tree.place}
+        tree.position,
+        {**option_nodes, "corruptions": inner},
+        {**tree.keys, "corruptions": tree.position},
     )
 
 

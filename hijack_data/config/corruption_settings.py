@@ -19,7 +19,7 @@ PAPER_SEVERITY = 3
 def read_spec(
     cls: type[Corruption],
     settings: MappingNode,
-    place: Position,
+    position: Position,
     problems: Problems,
     *,
     paper: bool,
@@ -28,54 +28,56 @@ def read_spec(
 
     With `paper`, the paper's keys are read too.
     """
-    before = len(problems.found)
-    declared = parameters(cls)
+    before = len(problems.mistakes)
+    known_parameters = parameters(cls)
     keys = paper_keys(cls)
     values: dict[str, Any] = {}
-    places: dict[str, Position] = {}
+    positions: dict[str, Position] = {}
     for key, tree in settings.items.items():
         if key in COMMON:
             continue
         translation = keys.get(key) if paper else None
         name = translation.name if translation else key
-        if name not in declared:
+        if name not in known_parameters:
             problems.add(
                 settings.keys[key],
-                f"{cls.name} has no parameter {key!r}{_advice(key, list(declared), keys)}",
+                f"{cls.name} has no parameter {key!r}{_advice(key, list(known_parameters), keys)}",
             )
-        elif name in places:
+        elif name in positions:
             problems.add(
                 settings.keys[key], f"{cls.name}.{name} is given twice, once as {key!r}; remove one"
             )
         else:
-            places[name] = tree.place
-            errors = len(problems.found)
-            value = check(problems, declared[name][0], f"{cls.name}.{key}", tree, translation)
-            if len(problems.found) == errors:
+            positions[name] = tree.position
+            errors = len(problems.mistakes)
+            value = check(
+                problems, known_parameters[name][0], f"{cls.name}.{key}", tree, translation
+            )
+            if len(problems.mistakes) == errors:
                 values[name] = value
     severity = _severity(cls, settings.items.get("severity"), problems)
-    spec = _make(cls, severity, values, places, place, problems)
-    return spec if len(problems.found) == before else None
+    spec = _make(cls, severity, values, positions, position, problems)
+    return spec if len(problems.mistakes) == before else None
 
 
 def check(
-    problems: Problems, parameter: Option, where: str, tree: ConfigNode, key: PaperKey | None = None
+    problems: Problems, parameter: Option, name: str, tree: ConfigNode, key: PaperKey | None = None
 ) -> Any:
     """Return the checked value of a tree, or note why it is refused and return `None`."""
     value = plain(tree)
     try:
         if key is not None and key.translate is not None:
-            value = key.translate(where, value)
-        return parameter.check(where, value)
+            value = key.translate(name, value)
+        return parameter.check(name, value)
     except HijackError as error:
         advice = hint(parameter, tree) if isinstance(parameter, Parameter) else ""
-        problems.add(tree.place, f"{error}{advice}")
+        problems.add(tree.position, f"{error}{advice}")
         return None
 
 
-def _advice(key: str, known: list[str], keys: dict[str, PaperKey]) -> str:
+def _advice(key: str, names: list[str], keys: dict[str, PaperKey]) -> str:
     if key not in keys:
-        return suggest(key, [*known, *COMMON])
+        return suggest(key, [*names, *COMMON])
     turned = " with the opposite value" if keys[key].opposite else ""
     return (
         f"; it is the paper's key for {keys[key].name}: write that{turned}, or set paper_compat:"
@@ -89,7 +91,7 @@ def _severity(cls: type[Corruption], tree: ConfigNode | None, problems: Problems
     try:
         cls.at(plain(tree))
     except HijackError as error:
-        problems.add(tree.place, f"{cls.name}: {error}{hint(Parameter('int', ''), tree)}")
+        problems.add(tree.position, f"{cls.name}: {error}{hint(Parameter('int', ''), tree)}")
         return PAPER_SEVERITY
     return plain(tree)
 
@@ -98,8 +100,8 @@ def _make(
     cls: type[Corruption],
     severity: int,
     values: dict[str, Any],
-    places: dict[str, Position],
-    place: Position,
+    positions: dict[str, Position],
+    position: Position,
     problems: Problems,
 ) -> Corruption | None:
     """Make the corruption; if the class refuses it, note the error at the offending parameter."""
@@ -107,10 +109,10 @@ def _make(
         return cls.at(severity, **values)
     except HijackError as error:
         message = str(error)
-        positions = (
+        candidates = (
             at
-            for key, at in places.items()
+            for key, at in positions.items()
             if re.match(rf"{re.escape(cls.name)}\.{key}\b", message)
         )
-        problems.add(next(positions, place), message)
+        problems.add(next(candidates, position), message)
         return None

@@ -36,12 +36,12 @@ class ScalarNode:
     """A single value.
 
     Attributes:
-        place: its position.
+        position: its position.
         value: `None`, a bool, an int, a float or a text.
         text: a plain (unquoted) scalar as it was written; `None` for any other value.
     """
 
-    place: Position
+    position: Position
     value: object
     text: str | None = None
 
@@ -50,7 +50,7 @@ class ScalarNode:
 class SequenceNode:
     """A list."""
 
-    place: Position
+    position: Position
     items: "list[ConfigNode]"
 
 
@@ -58,7 +58,7 @@ class SequenceNode:
 class MappingNode:
     """A mapping; `keys` has the position of each key."""
 
-    place: Position
+    position: Position
     items: "dict[str, ConfigNode]"
     keys: dict[str, Position]
 
@@ -68,32 +68,32 @@ ConfigNode: TypeAlias = ScalarNode | SequenceNode | MappingNode
 
 @dataclass
 class Problems:
-    """The mistakes found so far."""
+    """The mistakes noted so far."""
 
-    found: list[tuple[Position, str]] = field(default_factory=list[tuple[Position, str]])
+    mistakes: list[tuple[Position, str]] = field(default_factory=list[tuple[Position, str]])
 
-    def add(self, place: Position, message: str) -> None:
+    def add(self, position: Position, message: str) -> None:
         """Note a mistake and go on."""
         # Names in files may hold any character; an error must stay printable and on one line.
         printable = message.encode("utf-8", "backslashreplace").decode()
         line = printable.replace("\n", "\\n")
         if len(line) > MAX_MESSAGE:
             line = line[:MAX_MESSAGE] + " ..."
-        self.found.append((place, line))
+        self.mistakes.append((position, line))
 
     def error(self) -> ConfigError:
         """Return all mistakes as one error, ordered by position."""
-        ordered = sorted(self.found, key=lambda problem: (problem[0].line, problem[0].column))
-        return ConfigError(f"{place}: {message}" for place, message in ordered)
+        ordered = sorted(self.mistakes, key=lambda problem: (problem[0].line, problem[0].column))
+        return ConfigError(f"{position}: {message}" for position, message in ordered)
 
     def check(self) -> None:
         """Raise a `ConfigError` with all mistakes, if there are any."""
-        if self.found:
+        if self.mistakes:
             raise self.error()
 
-    def stop(self, place: Position, message: str) -> NoReturn:
+    def stop(self, position: Position, message: str) -> NoReturn:
         """Note a mistake that ends the reading, and raise a `ConfigError` with all mistakes."""
-        self.add(place, message)
+        self.add(position, message)
         raise self.error()
 
 
@@ -108,7 +108,7 @@ def plain(tree: ConfigNode) -> Any:
             return {key: plain(item) for key, item in tree.items.items()}
 
 
-def kind_of(tree: ConfigNode) -> str:
+def describe_node(tree: ConfigNode) -> str:
     """Return a description of a node for messages, such as `"a list"` or `"5 (int)"`."""
     match tree:
         case SequenceNode():
@@ -138,16 +138,16 @@ def from_python(value: object, name: str, problems: Problems) -> ConfigNode:
 def _convert(
     value: object, name: str, problems: Problems, depth: int, counter: Iterator[int]
 ) -> ConfigNode:
-    place = Position(name)
+    position = Position(name)
     if depth > MAX_DEPTH or next(counter) > MAX_VALUES:
         limits = f"more than {MAX_DEPTH} levels deep or {MAX_VALUES} values in all"
-        problems.stop(place, f"{limits}; make it smaller")
+        problems.stop(position, f"{limits}; make it smaller")
     if isinstance(value, Mapping):
-        mapping = MappingNode(place, {}, {})
+        mapping = MappingNode(position, {}, {})
         for key, item in cast("Mapping[object, object]", value).items():
             if not isinstance(key, str):
                 message = f"keys must be strings, got one of type {type(key).__name__}"
-                problems.add(place, message)
+                problems.add(position, message)
                 continue
             path = f"{name}.{key}"
             mapping.keys[key] = Position(path)
@@ -157,7 +157,9 @@ def _convert(
         items: list[ConfigNode] = []
         for i, item in enumerate(cast("Sequence[object]", value)):
             items.append(_convert(item, f"{name}[{i}]", problems, depth + 1, counter))
-        return SequenceNode(place, items)
+        return SequenceNode(position, items)
     if isinstance(value, int) and abs(value) >= 10**MAX_DIGITS:
-        problems.stop(place, f"a whole number of more than {MAX_DIGITS} digits; use a smaller one")
-    return ScalarNode(place, value)
+        problems.stop(
+            position, f"a whole number of more than {MAX_DIGITS} digits; use a smaller one"
+        )
+    return ScalarNode(position, value)

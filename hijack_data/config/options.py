@@ -23,11 +23,11 @@ class Option(Protocol):
         """The meaning of the key, in one line."""
         ...
 
-    def check(self, where: str, value: object) -> Any:
+    def check(self, key: str, value: object) -> Any:
         """Return the value in its normal form.
 
         A bad value is a `ParameterTypeError` or a `ParameterError`, whose message begins with
-        `where`.
+        `key`.
         """
         ...
 
@@ -37,7 +37,7 @@ class SplitShares:
 
     doc = "Share of the trajectories in each split, such as {train: 0.9, test: 0.1}"
 
-    def check(self, where: str, value: object) -> dict[str, float]:
+    def check(self, key: str, value: object) -> dict[str, float]:
         """Return `{name: share}`.
 
         Raises:
@@ -46,20 +46,20 @@ class SplitShares:
         """
         if not isinstance(value, Mapping) or not value:
             raise ParameterTypeError(
-                f"{where} must be a mapping such as {{train: 0.9, test: 0.1}}, got {value!r}"
+                f"{key} must be a mapping such as {{train: 0.9, test: 0.1}}, got {value!r}"
             )
         share = Parameter("float", "", low=0, high=1)
         entries = cast("Mapping[str, object]", value)
         shares: dict[str, float] = {}
         for name, part in entries.items():
-            shares[name] = cast(float, share.check(f"{where}.{name}", part))
+            shares[name] = cast(float, share.check(f"{key}.{name}", part))
         for name in shares:
             if not _SPLIT.fullmatch(name):
                 advice = "use letters, digits and _"
-                raise ParameterError(f"{where}: {name!r} cannot name a split; {advice}")
+                raise ParameterError(f"{key}: {name!r} cannot name a split; {advice}")
         total = sum(shares.values())
         if not math.isclose(total, 1, abs_tol=1e-9):
-            raise ParameterError(f"{where}: the shares must sum to 1, got {total:g}")
+            raise ParameterError(f"{key}: the shares must sum to 1, got {total:g}")
         return shares
 
 

@@ -40,20 +40,20 @@ _ALSO: Mapping[str, Mapping[str, str]] = {
 _OVERLAP_AVOIDS: Mapping[str, bool] = {"pop_ups": True, "marks": False}
 
 
-def _avoid_elements(where: str, value: object) -> object:
+def _avoid_elements(key: str, value: object) -> object:
     """Check the flag; a value that is neither true nor false is a `ParameterTypeError`."""
-    return Parameter("bool", "").check(where, value)
+    return Parameter("bool", "").check(key, value)
 
 
-def _not_avoid_elements(where: str, value: object) -> object:
-    return not _avoid_elements(where, value)
+def _not_avoid_elements(key: str, value: object) -> object:
+    return not _avoid_elements(key, value)
 
 
-def _local_ip(where: str, value: object) -> object:
+def _local_ip(key: str, value: object) -> object:
     return None if value == "-" else value  # the paper's table prints - for "none"
 
 
-def _window_string(where: str, value: object) -> object:
+def _window_string(key: str, value: object) -> object:
     """Return a name or a text unchanged; raise for a text in the words of names that is none.
 
     Raises:
@@ -63,12 +63,12 @@ def _window_string(where: str, value: object) -> object:
         return value
     names = ", ".join(map(repr, TEMPLATES))
     raise ParameterError(
-        f"{where} = {value!r} is none of the names {names}; a text of your own has none of the"
-        " words instruct, tgt and tag, and {x} and {y} in the place of a position"
+        f"{key} = {value!r} is none of the names {names}; a text of your own has none of the"
+        " words instruct, tgt and tag, and {x} and {y} instead of a position"
     )
 
 
-def _subtitle_text(where: str, value: object) -> object:
+def _subtitle_text(key: str, value: object) -> object:
     """Join a list of lines.
 
     Raises:
@@ -79,11 +79,11 @@ def _subtitle_text(where: str, value: object) -> object:
     lines = cast("list[object]", value)
     for index, line in enumerate(lines):
         if not isinstance(line, str):
-            raise ParameterError(f"{where}[{index}] must be a text in quotes, got {line!r}")
+            raise ParameterError(f"{key}[{index}] must be a text in quotes, got {line!r}")
     return "\n".join(cast("list[str]", lines))
 
 
-def _font_path(where: str, value: object) -> object:
+def _font_path(key: str, value: object) -> object:
     """Return the bundled font's name for its file name; the authors' code looks the file up."""
     if isinstance(value, str) and value.endswith(".ttf") and "/" not in value:
         stem = PurePosixPath(value).stem
@@ -91,11 +91,11 @@ def _font_path(where: str, value: object) -> object:
     return value
 
 
-def _position(where: str, value: object) -> object:
+def _position(key: str, value: object) -> object:
     return "center" if value == "middle" else value
 
 
-def _another_app(where: str, value: object) -> object:
+def _another_app(key: str, value: object) -> object:
     return normalize_app(value) if isinstance(value, str) else value
 
 
@@ -143,15 +143,15 @@ def paper_keys(cls: type[Corruption]) -> dict[str, PaperKey]:
     return keys
 
 
-def paper_name(name: str, known: Iterable[str]) -> str | None:
-    """Return the name in `known` that the paper prints as `name`, or `None`.
+def paper_name(name: str, names: Iterable[str]) -> str | None:
+    """Return the name in `names` that the paper prints as `name`, or `None`.
 
     `"Pop UPs"` is `"pop_ups"`.
     """
     letters = _letters(name)
     if not letters:
         return None
-    return next((candidate for candidate in known if _letters(candidate) == letters), None)
+    return next((candidate for candidate in names if _letters(candidate) == letters), None)
 
 
 def _letters(name: str) -> str:

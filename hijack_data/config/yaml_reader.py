@@ -28,7 +28,7 @@ from .nodes import (
     Problems,
     ScalarNode,
     SequenceNode,
-    kind_of,
+    describe_node,
 )
 
 _LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
@@ -79,8 +79,8 @@ def read_yaml(data: bytes, file: str, problems: Problems) -> ConfigNode | None:
         reader = _Reader(text, file, problems)
     except yaml.reader.ReaderError as error:
         code = f"U+{ord(text[error.position]):04X}"
-        place = _end_of(text[: error.position], file)
-        problems.stop(place, f"the character {code} is not allowed; remove it")
+        position = _end_position(text[: error.position], file)
+        problems.stop(position, f"the character {code} is not allowed; remove it")
     try:
         return reader.document()
     except ConfigError:
@@ -90,8 +90,10 @@ def read_yaml(data: bytes, file: str, problems: Problems) -> ConfigNode | None:
         problems.stop(_position(mark, file), _syntax(error, text[mark.index : mark.index + 1]))
     except (ValueError, OverflowError):
         # PyYAML passes \UFFFFFFFF to chr, and version numbers of any length to int.
-        place = _position(reader.mark(), file)
-        problems.stop(place, "not valid YAML: a character code or version number is out of range")
+        position = _position(reader.mark(), file)
+        problems.stop(
+            position, "not valid YAML: a character code or version number is out of range"
+        )
 
 
 def _decode(data: bytes, file: str, problems: Problems) -> str:
@@ -100,15 +102,17 @@ def _decode(data: bytes, file: str, problems: Problems) -> str:
     except UnicodeDecodeError as error:
         # `start` does not count the byte order mark, which the codec removes first.
         at = data.removeprefix(b"\xef\xbb\xbf")
-        place = _end_of(at[: error.start].decode(), file)
-        problems.stop(place, f"byte 0x{at[error.start]:02x} is not UTF-8; save the file as UTF-8")
+        position = _end_position(at[: error.start].decode(), file)
+        problems.stop(
+            position, f"byte 0x{at[error.start]:02x} is not UTF-8; save the file as UTF-8"
+        )
 
 
 def _position(mark: Any, file: str) -> Position:
     return Position(file, mark.line + 1, mark.column + 1)
 
 
-def _end_of(text: str, file: str) -> Position:
+def _end_position(text: str, file: str) -> Position:
     lines = _LINE_BREAK.split(text)
     return Position(file, len(lines), len(lines[-1]) + 1)
 
@@ -156,87 +160,88 @@ class _Reader:
         after = self._parser.get_event()
         if not isinstance(after, yaml.StreamEndEvent):
             message = "a second document starts here; a configuration is one document"
-            self._problems.add(self._place(after), message)
+            self._problems.add(self._event_position(after), message)
         if isinstance(tree, ScalarNode) and tree.value is None:
             return None
         return tree
 
-    def _place(self, event: Any) -> Position:
+    def _event_position(self, event: Any) -> Position:
         return _position(event.start_mark, self._file)
 
-    def _grow(self, by: int, place: Position) -> None:
+    def _grow(self, by: int, position: Position) -> None:
         self._count += by
         if self._count > MAX_VALUES:
             self._problems.stop(
-                place, f"more than {MAX_VALUES} values, those behind aliases included; use fewer"
+                position, f"more than {MAX_VALUES} values, those behind aliases included; use fewer"
             )
 
     def _tree(self, depth: int) -> ConfigNode:
         event = self._parser.get_event()
-        place = self._place(event)
-        self._limit_depth(depth, place)
+        position = self._event_position(event)
+        self._limit_depth(depth, position)
         if isinstance(event, yaml.AliasEvent):
-            return self._alias(event, place, depth)
+            return self._alias(event, position, depth)
         before = self._count
-        self._grow(1, place)
-        self._refuse_tag(event.tag, place)
+        self._grow(1, position)
+        self._refuse_tag(event.tag, position)
         if isinstance(event, yaml.SequenceStartEvent):
-            tree = self._sequence(place, depth)
+            tree = self._sequence(position, depth)
         elif isinstance(event, yaml.MappingStartEvent):
-            tree = self._mapping(place, depth)
+            tree = self._mapping(position, depth)
         else:
-            tree = self._scalar(event, place)
+            tree = self._scalar(event, position)
         if event.anchor is not None:
             self._anchors[event.anchor] = tree, self._count - before, _height(tree)
         return tree
 
-    def _refuse_tag(self, tag: str | None, place: Position) -> None:
+    def _refuse_tag(self, tag: str | None, position: Position) -> None:
         if tag is not None:
             name = tag.replace("tag:yaml.org,2002:", "!!")
             advice = "remove it (quotes make a text of anything)"
-            self._problems.add(place, f"the tag {name!r} is refused; {advice}")
+            self._problems.add(position, f"the tag {name!r} is refused; {advice}")
 
-    def _alias(self, event: Any, place: Position, depth: int) -> ConfigNode:
+    def _alias(self, event: Any, position: Position, depth: int) -> ConfigNode:
         if event.anchor not in self._anchors:
             self._problems.stop(
-                place, f"the alias *{event.anchor} has no finished anchor &{event.anchor} before it"
+                position,
+                f"the alias *{event.anchor} has no finished anchor &{event.anchor} before it",
             )
         tree, size, height = self._anchors[event.anchor]
-        self._grow(size, place)
-        self._limit_depth(depth + height, place)
+        self._grow(size, position)
+        self._limit_depth(depth + height, position)
         return tree
 
-    def _limit_depth(self, depth: int, place: Position) -> None:
+    def _limit_depth(self, depth: int, position: Position) -> None:
         if depth > MAX_DEPTH:
-            self._problems.stop(place, f"nested more than {MAX_DEPTH} levels deep; flatten it")
+            self._problems.stop(position, f"nested more than {MAX_DEPTH} levels deep; flatten it")
 
     def _ends(self, kind: type) -> bool:
         return self._parser.check_event(kind) and self._parser.get_event() is not None
 
-    def _sequence(self, place: Position, depth: int) -> SequenceNode:
+    def _sequence(self, position: Position, depth: int) -> SequenceNode:
         items: list[ConfigNode] = []
         while not self._ends(yaml.SequenceEndEvent):
             items.append(self._tree(depth + 1))
-        return SequenceNode(place, items)
+        return SequenceNode(position, items)
 
-    def _mapping(self, place: Position, depth: int) -> MappingNode:
-        mapping = MappingNode(place, {}, {})
+    def _mapping(self, position: Position, depth: int) -> MappingNode:
+        mapping = MappingNode(position, {}, {})
         while not self._ends(yaml.MappingEndEvent):
             key = self._tree(depth + 1)
             value = self._tree(depth + 1)
             mistake = self._mistake_of_key(key, mapping)
             if mistake:
-                self._problems.add(key.place, mistake)
+                self._problems.add(key.position, mistake)
                 continue
-            name = _name_of(key)
+            name = _key_name(key)
             mapping.items[name] = value
-            mapping.keys[name] = key.place
+            mapping.keys[name] = key.position
         return mapping
 
     def _mistake_of_key(self, key: ConfigNode, mapping: MappingNode) -> str:
         if not isinstance(key, ScalarNode):
-            return f"a key must be a name, not {kind_of(key)}; quote a text with braces"
-        name = _name_of(key)
+            return f"a key must be a name, not {describe_node(key)}; quote a text with braces"
+        name = _key_name(key)
         if name == "<<":
             return "merge keys (<<) are not read; write the keys out"
         if name in mapping.keys:
@@ -244,23 +249,23 @@ class _Reader:
             return f"the key {name!r} appears twice (first in line {line}); remove one"
         return ""
 
-    def _scalar(self, event: Any, place: Position) -> ScalarNode:
+    def _scalar(self, event: Any, position: Position) -> ScalarNode:
         text = cast(str, event.value)
         if has_half(text):
             message = (
                 "a \\u escape holds half a character (a surrogate); write the character itself"
             )
-            self._problems.add(place, message)
+            self._problems.add(position, message)
         if event.style is not None:
-            return ScalarNode(place, text)
+            return ScalarNode(position, text)
         if len(text) > MAX_DIGITS and _INT.fullmatch(text):
             message = f"a whole number of {len(text)} digits; the limit is {MAX_DIGITS}"
-            self._problems.add(place, message)
-            return ScalarNode(place, 0, text)
-        return ScalarNode(place, resolve(text), text)
+            self._problems.add(position, message)
+            return ScalarNode(position, 0, text)
+        return ScalarNode(position, resolve(text), text)
 
 
-def _name_of(key: ConfigNode) -> str:
+def _key_name(key: ConfigNode) -> str:
     if isinstance(key, ScalarNode):
         return str(key.value) if key.text is None else key.text
     return ""

@@ -92,8 +92,10 @@ class Subtitle(Corruption):
         margin = 0 if self.edge_width else overhang(lines, font)
         if margin:
             recipe["margin"] = margin
-        place = ((screen_w - width) // 2 - margin, tops[self.position] - margin)
-        return Draft(ops=(Paste(recipe, (place,)),), notes=shrunk if size != self.font_size else ())
+        corner = ((screen_w - width) // 2 - margin, tops[self.position] - margin)
+        return Draft(
+            ops=(Paste(recipe, (corner,)),), notes=shrunk if size != self.font_size else ()
+        )
 
     def _size(self, lines: list[str], scene: Scene) -> int:
         """Return the font size to use; raise `ParameterError` when the lines do not fit.

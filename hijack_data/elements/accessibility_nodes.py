@@ -37,7 +37,7 @@ class TreePlatform:
         self,
         name: str,
         *,
-        shown: tuple[str, ...],
+        visible_states: tuple[str, ...],
         enabled: str,
         labels: tuple[str, ...] = ("name",),
         role: str = "",
@@ -45,23 +45,23 @@ class TreePlatform:
     ) -> None:
         space = f"https://accessibility.{name}.example.org/ns/"
         self.state = f"{space}state}}"
-        self.place = f"{space}component}}screencoord"
+        self.position = f"{space}component}}screencoord"
         self.size = f"{space}component}}size"
-        self.shown = tuple(self.state + state for state in shown)
+        self.visible_states = tuple(self.state + state for state in visible_states)
         self.enabled = self.state + enabled
         self.labels = tuple(space + label if "}" in label else label for label in labels)
         self.role = space + role if role else ""
         self.passive = passive
 
 
-_UBUNTU = TreePlatform("ubuntu", shown=("showing", "visible"), enabled="enabled")
+_UBUNTU = TreePlatform("ubuntu", visible_states=("showing", "visible"), enabled="enabled")
 _WINDOWS = TreePlatform(
-    "windows", shown=("visible",), enabled="enabled", role="class}friendly_class_name"
+    "windows", visible_states=("visible",), enabled="enabled", role="class}friendly_class_name"
 )
 # macOS describes static text as "text"; on the other platforms that role is an editable text.
 _MACOS = TreePlatform(
     "macos",
-    shown=(),
+    visible_states=(),
     enabled="AXEnabled",
     labels=("name", "attributes}AXTitle", "attributes}AXDescription"),
     passive="text",
@@ -122,7 +122,7 @@ class AccessibleNode:
         )
 
     @property
-    def shown(self) -> bool:
+    def visible(self) -> bool:
         """Whether the node has all states that its platform gives to a node on the screen.
 
         These are `showing` and `visible` on Ubuntu, `visible` on Windows and none on macOS. An
@@ -145,15 +145,15 @@ class AccessibleNode:
     def box(self) -> Box | None:
         """The box `xyxy` in pixels of the screen, whether the node is shown or not.
 
-        It is not clipped to the screen. `None` if the node has no place or no size, if they are
+        It is not clipped to the screen. `None` if the node has no position or no size, if they are
         not two 32-bit integers each, or if the area is empty.
         """
         platform = detect_platform(self)
-        place = parse_pair(self.attributes.get(platform.place, ""))
+        position = parse_pair(self.attributes.get(platform.position, ""))
         size = parse_pair(self.attributes.get(platform.size, ""))
-        if place is None or size is None or min(size) < 1:
+        if position is None or size is None or min(size) < 1:
             return None
-        return box_from_place(place, size)
+        return box_from_position(position, size)
 
     @property
     def path(self) -> str:
@@ -309,11 +309,11 @@ def refuse(node: AccessibleNode, problem: str) -> NoReturn:
 
 def detect_platform(node: AccessibleNode) -> TreePlatform:
     """Return the platform whose attribute for places a node has; Ubuntu if it has none."""
-    if _UBUNTU.place in node.attributes:
+    if _UBUNTU.position in node.attributes:
         return _UBUNTU
-    if _WINDOWS.place in node.attributes:
+    if _WINDOWS.position in node.attributes:
         return _WINDOWS
-    if _MACOS.place in node.attributes:
+    if _MACOS.position in node.attributes:
         return _MACOS
     return _UBUNTU
 
@@ -340,12 +340,12 @@ def is_interactive(platform: TreePlatform, roles: list[str]) -> bool:
 
 def is_shown(platform: TreePlatform, attributes: dict[str, str]) -> bool:
     """Return whether a node has all states that the platform gives to a node on the screen."""
-    return all(attributes.get(state, "").lower() == "true" for state in platform.shown)
+    return all(attributes.get(state, "").lower() == "true" for state in platform.visible_states)
 
 
-def box_from_place(place: Point, size: Point) -> Box:
+def box_from_position(position: Point, size: Point) -> Box:
     """Return the box `xyxy` of a corner and a (width, height), in pixels."""
-    x, y = place
+    x, y = position
     width, height = size
     return (x, y, x + width, y + height)
 

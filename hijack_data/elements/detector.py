@@ -34,11 +34,11 @@ MAX_CONTROL_WIDTH = 0.9
 # Straight edges of this length, on a screen 1000 pixels high, are rules and frames; shorter ones
 # belong to icons.
 RULE_LENGTH = 110
-# A control with more things than this is a toolbar or a panel, so its things count as elements
-# instead. The second number is for controls wider than `MAX_WIDTH`: an address bar has few things,
+# A control with more content boxes than this is a toolbar or a panel, so they count as elements
+# instead. The second number is for controls wider than `MAX_WIDTH`: an address bar has few,
 # a status bar more.
-MAX_THINGS = 4
-MAX_THINGS_WIDE = 2
+MAX_CONTENT_BOXES = 4
+MAX_CONTENT_BOXES_WIDE = 2
 # A picture of noise or of a fine pattern has countless parts; only the largest are kept.
 MAX_PARTS = 3000
 # The number of boxes that are compared with all others at once.
@@ -65,9 +65,9 @@ def boxes_from_picture(image: object) -> Elements:
     height, width = pixels.shape[:2]
     factor = max(1, int(np.ceil(np.sqrt(height * width / MAX_PIXELS))))
     finder = _Finder(_cv2(), _shrink(pixels, factor))
-    things = _largest_first(finder.things())
+    content = _largest_first(finder.find_content())
     controls = _largest_first(finder.controls())
-    boxes, is_control = _select(things[:MAX_PARTS], controls[:MAX_PARTS], finder)
+    boxes, is_control = _select(content[:MAX_PARTS], controls[:MAX_PARTS], finder)
     if not len(boxes):
         note = "nothing that looks like an element was found in the picture"
         return Elements(source="picture", notes=(note,))
@@ -75,7 +75,7 @@ def boxes_from_picture(image: object) -> Elements:
     x1, y1, x2, y2 = boxes.T
     order = np.lexsort((x2, y2, x1, y1))
     roles = tuple("control" if control else "thing" for control in is_control[order])
-    notes = (*_cut_note(things), *_cut_note(controls))
+    notes = (*_cut_note(content), *_cut_note(controls))
     return Elements(boxes[order], roles=roles, source="picture", notes=notes)
 
 
@@ -129,13 +129,13 @@ class _Finder:
         limited = min(max(scale, 0.7), 2.0)
         return max(1, round(pixels * limited))
 
-    def things(self) -> BoxArray:
+    def find_content(self) -> BoxArray:
         """Find lines of text, icons and small pictures: int32 `[N, 4]` boxes."""
         parts = Parts(self.cv2, self._edges(STRONG_EDGE), 8)
         scenery = self._scenery(parts)
         length = self.units(RULE_LENGTH) | 1
         rules = straight_lines(self.cv2, parts.without(scenery), length)
-        is_whole = self._whole(parts) & ~scenery & ~parts.touching(rules)
+        is_whole = self._whole_outlines(parts) & ~scenery & ~parts.touching(rules)
         small_parts = parts.without(scenery | is_whole)
         small = self._joined(self.cv2.subtract(small_parts, rules), rules)
         return np.concatenate([self._boxes(parts, is_whole), small])
@@ -147,13 +147,13 @@ class _Finder:
         high = self.units(2) | 1
         # Without a margin, OpenCV would close the gap to the edge of the screen too.
         padded = cv2.copyMakeBorder(edges, high, high, wide, wide, cv2.BORDER_CONSTANT, value=0)
-        closed = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, _block(wide, high))
-        parts = Parts(cv2, closed[high:-high, wide:-wide], 8)
+        joined = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, _block(wide, high))
+        parts = Parts(cv2, joined[high:-high, wide:-wide], 8)
         at_rule = parts.touching(cv2.dilate(rules, _block(3, 3)))
         is_frame_corner = at_rule & (np.maximum(parts.w, parts.h) <= self.units(20))
-        return self._boxes(parts, self._is_thing(parts) & ~is_frame_corner)
+        return self._boxes(parts, self._is_content(parts) & ~is_frame_corner)
 
-    def _is_thing(self, parts: Parts) -> Bools:
+    def _is_content(self, parts: Parts) -> Bools:
         w = parts.w
         h = parts.h
         large_enough = (h > self.units(6)) & (w > self.units(2))
@@ -173,7 +173,7 @@ class _Finder:
         boxes = np.stack([left, top, right, bottom], 1)
         return boxes[is_selected].astype(np.int32)
 
-    def _whole(self, parts: Parts) -> Bools:
+    def _whole_outlines(self, parts: Parts) -> Bools:
         # Marks outlines that are a whole button or icon and are not joined to other parts.
         w = parts.w
         h = parts.h
@@ -232,23 +232,23 @@ def _inside(boxes: BoxArray, outer: BoxArray, slack: int) -> Bools:
     return across & down
 
 
-def _select(things: BoxArray, controls: BoxArray, finder: _Finder) -> tuple[BoxArray, Bools]:
-    """Keep the controls with a few things, and the things that are inside no other box.
+def _select(content: BoxArray, controls: BoxArray, finder: _Finder) -> tuple[BoxArray, Bools]:
+    """Keep the controls with little content, and the content that is inside no other box.
 
-    Both must be sorted with the largest first, so that the things of a control inside another are
+    Both must be sorted with the largest first, so that the content of a control inside another is
     already taken. The second result marks the boxes that are controls.
     """
-    alone = np.ones(len(things), np.bool_)
+    alone = np.ones(len(content), np.bool_)
     selected_controls: list[BoxArray] = []
-    inside = _inside(things, controls, finder.units(3))
+    inside = _inside(content, controls, finder.units(3))
     for control, is_inside in zip(controls, inside, strict=True):
         is_wide = control[2] - control[0] > MAX_WIDTH * finder.width
-        max_things = MAX_THINGS_WIDE if is_wide else MAX_THINGS
-        if alone[is_inside].any() and is_inside.sum() <= max_things:
+        max_boxes = MAX_CONTENT_BOXES_WIDE if is_wide else MAX_CONTENT_BOXES
+        if alone[is_inside].any() and is_inside.sum() <= max_boxes:
             selected_controls.append(control)
             alone &= ~is_inside
     control_boxes = np.array(selected_controls, np.int32).reshape(-1, 4)
-    boxes = np.concatenate([control_boxes, things[alone]])
+    boxes = np.concatenate([control_boxes, content[alone]])
     outermost = _outermost(boxes)
     return boxes[outermost], outermost < len(selected_controls)
 

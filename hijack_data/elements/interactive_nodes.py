@@ -16,7 +16,7 @@ from ..types import Box, Point, Size, as_size
 from .accessibility_nodes import (
     AccessibleNode,
     TreePlatform,
-    box_from_place,
+    box_from_position,
     detect_platform,
     is_interactive,
     is_shown,
@@ -97,28 +97,28 @@ class _Collector:
         roles = role_names(node, platform)
         if not is_interactive(platform, roles):
             return
-        place = self._place(node, platform)
-        if isinstance(place, str):
-            self.left_out[place] += 1
+        box_or_reason = self._locate(node, platform)
+        if isinstance(box_or_reason, str):
+            self.left_out[box_or_reason] += 1
             return
-        self.boxes.append(place)
+        self.boxes.append(box_or_reason)
         self.names.append(node.name.strip())
         self.roles.append(roles[0])
 
-    def _place(self, node: AccessibleNode, platform: TreePlatform) -> Box | str:
+    def _locate(self, node: AccessibleNode, platform: TreePlatform) -> Box | str:
         """Return the box of a node, clipped to the screen, or the reason why it has none."""
         attributes = node.attributes
         if not is_shown(platform, attributes):
             return "hidden"
         if not node.enabled:
             return "disabled"
-        if platform.place not in attributes or platform.size not in attributes:
+        if platform.position not in attributes or platform.size not in attributes:
             return "without a place or a size"
-        place = _read_pair(node, platform.place)
+        position = _read_pair(node, platform.position)
         size = _read_pair(node, platform.size)
         if min(size) < 1:
             return "without an area"
-        box = box_from_place(place, size)
+        box = box_from_position(position, size)
         if self._is_off_screen(box):
             return "off the screen"
         return self._clip(box)

@@ -93,9 +93,9 @@ class PageBuilder:
         self, number: int, title: str, planner: Planner, shot: GalleryPicture, image: UInt8Array
     ) -> Html:
         try:
-            planned = planner.plan(shot.scene, seed=self.seed, sample=shot.name)
-            composited = self._composite(planned, shot, image)
-            plan = composited.plan if composited else planned
+            corruption_plan = planner.plan(shot.scene, seed=self.seed, sample=shot.name)
+            composited = self._composite(corruption_plan, shot, image)
+            plan = composited.plan if composited else corruption_plan
             after = apply(plan, image)
         except HijackError as error:
             return self._message(title, number, shot, str(error))
@@ -114,7 +114,7 @@ class PageBuilder:
             safety=safety,
             after=embed(after, shot.scale),
             painted=rectangles,
-            planned=planned,
+            corruption_plan=corruption_plan,
             composited=composited,
         )
         return tile(new_tile, shot)

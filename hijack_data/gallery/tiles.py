@@ -22,7 +22,7 @@ class GalleryPicture:
     """One picture of the gallery.
 
     Attributes:
-        index: its place on the page.
+        index: its position on the page.
         name: its sample id.
         scene: its size and elements.
         scale: the factor at which it is shown.
@@ -43,15 +43,15 @@ class Tile:
     """One corruption of one picture.
 
     Attributes:
-        index: its place on the page.
+        index: its position on the page.
         title: the title of the corruption.
         number: the position of the corruption among the filters.
         plan: the plan that made the picture.
         safety: how much of the elements is still visible.
         after: the corrupted picture.
         painted: the rectangles that the plan painted, `xyxy`.
-        planned: the plan of the corruption: `plan` itself or, for a corruption of the machine, the
-            plan whose effect `composited` shows.
+        corruption_plan: the plan of the corruption: `plan` itself or, for a corruption of the
+            machine, the plan whose effect `composited` shows.
         composited: the picture of the effect, for a corruption of the machine.
     """
 
@@ -62,7 +62,7 @@ class Tile:
     safety: Safety
     after: Embedded
     painted: list[list[int]]
-    planned: Plan
+    corruption_plan: Plan
     composited: Composite | None = None
 
 
@@ -157,9 +157,9 @@ def _figures(content: Tile, shot: GalleryPicture) -> Html:
 def _effect(content: Tile) -> list[tuple[str, str]]:
     if content.composited is None:
         return []
-    corruption = maker(content.planned)
+    corruption = maker(content.corruption_plan)
     schedule_rows = [("When", schedule(corruption))] if corruption else []
-    kinds = ", ".join(effect.kind for effect in content.planned.effects)
+    kinds = ", ".join(effect.kind for effect in content.corruption_plan.effects)
     return [
         ("Effect on the machine", kinds),
         *schedule_rows,
@@ -168,7 +168,7 @@ def _effect(content: Tile) -> list[tuple[str, str]]:
 
 
 def _remake(content: Tile, shot: GalleryPicture) -> Html:
-    plan = content.planned
+    plan = content.corruption_plan
     scene = shot.scene
     calls = [
         (

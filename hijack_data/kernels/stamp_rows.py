@@ -57,24 +57,24 @@ def stamp_rows(
     return np.concatenate([np.empty((0, COLUMNS), np.int64), *parts])
 
 
-def sprite_rows(sprite: Sprite, place: Addressing) -> StampRows:
-    """Return the rows of a sprite that lies at (0, 0); `place` returns where its arrays are."""
-    return np.array([_row(layer, place) for layer in sprite.layers], np.int64)
+def sprite_rows(sprite: Sprite, address: Addressing) -> StampRows:
+    """Return the rows of a sprite that lies at (0, 0); `address` returns where its arrays are."""
+    return np.array([_row(layer, address) for layer in sprite.layers], np.int64)
 
 
-def _row(layer: Layer, place: Addressing) -> tuple[int, ...]:
+def _row(layer: Layer, address: Addressing) -> tuple[int, ...]:
     x1, y1, x2, y2 = layer.box
     box = (y1, x1, y2 - y1, x2 - x1)
     nowhere = (0, 0)
-    places = [place(cover) for cover in layer.covers]
+    addresses = [address(cover) for cover in layer.covers]
     if layer.picture is None:
-        kind = FILL + len(places)
-        places += [nowhere, nowhere]
+        kind = FILL + len(addresses)
+        addresses += [nowhere, nowhere]
     else:
-        kind = PAINT if places else PICTURE
-        places = [*(places or [nowhere]), place(layer.picture)]
+        kind = PAINT if addresses else PICTURE
+        addresses = [*(addresses or [nowhere]), address(layer.picture)]
     colors = [*map(_pack_color, layer.colors), 0, 0]
-    return *box, kind, *places[0], *places[1], colors[0], colors[1]
+    return *box, kind, *addresses[0], *addresses[1], colors[0], colors[1]
 
 
 def _pack_color(color: Color) -> int:

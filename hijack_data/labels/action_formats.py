@@ -58,13 +58,13 @@ def map_own_action(value: Any, move: Move) -> Any:
     numbers = [getattr(action, key) for key in keys]
     if are_fractions(numbers):
         raise LabelError(f"points at {numbers}, which are fractions, not pixels")
-    moved: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {}
     for key, number in zip(keys, numbers, strict=True):
         scale = move.scaling.x if key in ("x", "x2") else move.scaling.y
-        moved[key] = scale(number)
+        coordinates[key] = scale(number)
     if isinstance(value, Action):
-        return replace(value, **moved)
-    return {**cast("Mapping[str, Any]", value), **moved}
+        return replace(value, **coordinates)
+    return {**cast("Mapping[str, Any]", value), **coordinates}
 
 
 def _map_parts(value: Any, change: Callable[[Any], Any]) -> Any:
@@ -91,14 +91,14 @@ def own_locations(value: Any, size: Size) -> list[Location]:
 def dialect_format(dialect: str) -> Format:
     """Return the label format for actions of a dialect of `hijack_data.actions`."""
 
-    def scaling_of(move: Move) -> Scaling:
+    def dialect_scaling(move: Move) -> Scaling:
         # Its coordinates are pixels of the picture as the model receives it.
         if dialect in RESIZED_DIALECTS:
             return Scaling(smart_resize(*move.before), smart_resize(*move.after), bounded=True)
         return move.scaling
 
     def map_value(value: Any, move: Move) -> Any:
-        scaling = scaling_of(move)
+        scaling = dialect_scaling(move)
         return _each_action(value, dialect, lambda action: map_typed(action, dialect, scaling))
 
     def locate(value: Any, size: Size) -> list[Location]:

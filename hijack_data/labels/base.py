@@ -91,7 +91,7 @@ class Format:
     rows: RowFormat | None = None
 
     @property
-    def declared(self) -> Any:
+    def name_or_declaration(self) -> Any:
         """What a user declares to get this format: its name, a function, or `chat(...)`."""
         return self.name if self.declaration is None else self.declaration
 
@@ -102,13 +102,13 @@ def with_unit(order: str, unit: int) -> str:
 
 
 def check_unit(
-    numbers: Numbers, unit: int, size: Size, anywhere: bool = False, each: bool = False
+    numbers: Numbers, unit: int, size: Size, anywhere: bool = False, all_inside: bool = False
 ) -> None:
     """Check that numbers `[N, 2 or 4]`, x before y, fit a coordinate space.
 
     `unit` is 0 for pixels of a picture of `size` (height, width), 1 for fractions, 1000 for
     thousandths. With `anywhere`, boxes may lie outside the picture; without it, at least one must
-    lie inside, and with `each` all must.
+    lie inside, and with `all_inside` all must.
 
     Raises:
         LabelError: the numbers can only belong to another space.
@@ -134,7 +134,7 @@ def check_unit(
         starts_inside = (numbers[:, 0] < width) & (numbers[:, 1] < height)
         ends_inside = (numbers[:, 2:] > 0).all(axis=1)
         is_inside = starts_inside & ends_inside
-        if not (is_inside.all() if each else is_inside.any()):
+        if not (is_inside.all() if all_inside else is_inside.any()):
             raise LabelError(
                 f"holds {example}, which is outside the {width}x{height} picture; is it in its"
                 " pixels?"

@@ -44,7 +44,7 @@ def _in_order(order: str, edges: Numbers) -> Numbers:
 
 
 def _check_edges(
-    order: str, unit: int, boxes: Numbers, size: Size, anywhere: bool, each: bool
+    order: str, unit: int, boxes: Numbers, size: Size, anywhere: bool, all_inside: bool
 ) -> Numbers:
     # Returns the edges of boxes; raises `LabelError` for a box that cannot be right.
     edges = _edges(order, boxes)
@@ -53,7 +53,7 @@ def _check_edges(
         example = boxes[reversed_][0].tolist()
         advice = "; boxes of x, y, width, height are 'xywh'" if order == "xyxy" else ""
         raise LabelError(f"holds {example}, which as {order} ends before it starts{advice}")
-    check_unit(edges, unit, size, anywhere, each)
+    check_unit(edges, unit, size, anywhere, all_inside)
     return edges
 
 
@@ -72,28 +72,28 @@ def _scale_edges(edges: Numbers, scaling: Scaling, is_whole: bool) -> Numbers:
 def box_format(order: str, unit: int, anywhere: bool = False) -> Format:
     """Return the format of boxes in some order; with `anywhere` they may be off the picture."""
 
-    def map_rows(boxes: Numbers, move: Move, each: bool = True) -> Numbers:
-        edges = _check_edges(order, unit, boxes, move.before, anywhere, each)
+    def map_rows(boxes: Numbers, move: Move, all_inside: bool = True) -> Numbers:
+        edges = _check_edges(order, unit, boxes, move.before, anywhere, all_inside)
         if unit:
             return boxes
         is_whole = boxes.dtype.kind == "i"
         return _in_order(order, _scale_edges(edges, move.scaling, is_whole))
 
-    def locate_rows(boxes: Numbers, size: Size, each: bool = True) -> list[Location]:
-        edges = _check_edges(order, unit, boxes, size, anywhere, each)
+    def locate_rows(boxes: Numbers, size: Size, all_inside: bool = True) -> list[Location]:
+        edges = _check_edges(order, unit, boxes, size, anywhere, all_inside)
         if unit:
             height, width = size
             edges = edges * (np.array([width, height, width, height]) / unit)
         return [Location(tuple(row)) for row in edges.tolist()]
 
     def map_value(value: Any, move: Move) -> Any:
-        return change_groups(value, 4, lambda boxes: map_rows(boxes, move, each=False))
+        return change_groups(value, 4, lambda boxes: map_rows(boxes, move, all_inside=False))
 
     def locate(value: Any, size: Size) -> list[Location]:
         return [
             location
             for boxes in read_groups(value, 4)
-            for location in locate_rows(boxes, size, each=False)
+            for location in locate_rows(boxes, size, all_inside=False)
         ]
 
     rows = RowFormat(4, map_rows, locate_rows)

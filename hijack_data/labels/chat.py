@@ -75,17 +75,17 @@ def function_format(function: TextMapper) -> Format:
     return Format(str(name), function, declaration=function)
 
 
-def chat_format(declared: ChatLabels, form: Format, others: Format | None) -> Format:
+def chat_format(declaration: ChatLabels, form: Format, others: Format | None) -> Format:
     """Return the format of a declared conversation.
 
     Args:
-        declared: the declaration.
-        form: the format that `declared.form` names.
-        others: the format that `declared.others` names.
+        declaration: the declaration.
+        form: the format that `declaration.form` names.
+        others: the format that `declaration.others` names.
     """
 
     def walk(value: Any, change: Callable[[Format, Any], Any]) -> Any:
-        return _Walker(declared, form, others, change).conversation(value)
+        return _Walker(declaration, form, others, change).conversation(value)
 
     def map_value(value: Any, move: Move) -> Any:
         return walk(value, lambda kind, part: kind.map_value(part, move))
@@ -101,7 +101,7 @@ def chat_format(declared: ChatLabels, form: Format, others: Format | None) -> Fo
         walk(value, collect)
         return locations
 
-    return Format(f"chat({form.name})", map_value, locate, declaration=declared)
+    return Format(f"chat({form.name})", map_value, locate, declaration=declaration)
 
 
 def _is_prose(text: str) -> bool:
@@ -113,7 +113,7 @@ def _is_prose(text: str) -> bool:
 class _Walker:
     """Goes through a conversation and changes the parts that may hold coordinates."""
 
-    declared: ChatLabels
+    declaration: ChatLabels
     form: Format
     others: Format | None
     change: Callable[[Format, Any], Any]
@@ -145,7 +145,7 @@ class _Walker:
         return tuple(messages) if isinstance(value, tuple) else messages
 
     def _check_indices(self, count: int) -> None:
-        for index in self.declared.indices or ():
+        for index in self.declaration.indices or ():
             if not -count <= index < count:
                 raise LabelError(
                     f"has {count} messages, and chat(indices=...) names message {index}"
@@ -163,8 +163,8 @@ class _Walker:
                 f" {short_repr(original)}"
             )
         role = ROLES.get(fields[keys[0]], fields[keys[0]])
-        indices = self.declared.indices
-        is_addressed = role in self.declared.roles and (
+        indices = self.declaration.indices
+        is_addressed = role in self.declaration.roles and (
             indices is None or index in indices or index - count in indices
         )
         for key, part in fields.items():

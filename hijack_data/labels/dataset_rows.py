@@ -145,7 +145,7 @@ def corruption_label(plan: Plan) -> str:
 
 
 def corrupted_row(
-    row: _Row, plan: Plan, before: Any, after: Any, place: Location | None, seed: int | None
+    row: _Row, plan: Plan, before: Any, after: Any, location: Location | None, seed: int | None
 ) -> dict[str, Any]:
     """Return the columns of a row, other than its labels, that a transform must change.
 
@@ -154,7 +154,7 @@ def corrupted_row(
         plan: what was done to its screenshot.
         before: the screenshot before, an array or a PIL image.
         after: the screenshot after, likewise.
-        place: where the action of the row points, in pixels of `before`.
+        location: where the action of the row points, in pixels of `before`.
         seed: the seed of the plan; `None` leaves the column unchanged.
 
     Raises:
@@ -176,9 +176,9 @@ def corrupted_row(
             " keep it"
         )
     if "target_visible" in row:
-        columns["target_visible"] = None if place is None else _visible(earlier, plan, place)
+        columns["target_visible"] = None if location is None else _visible(earlier, plan, location)
     if "changed_pixels" in row:
-        columns["changed_pixels"] = _changed(row, earlier, plan, before, after)
+        columns["changed_pixels"] = _count_changed_pixels(row, earlier, plan, before, after)
     if "image_sha256" in row:
         columns["image_sha256"] = pixel_sha256(to_numpy(after))
     return {key: value for key, value in columns.items() if key in row}
@@ -206,27 +206,29 @@ def _renamed(row: _Row, label: str) -> Any:
     return f"{start}{label}{name[len(start) + len(row['corruption']) :]}"
 
 
-def _visible(earlier: Plan | None, plan: Plan, place: Location) -> float | None:
+def _visible(earlier: Plan | None, plan: Plan, location: Location) -> float | None:
     """Return the share of the target that shows after both plans."""
     if earlier is None or not earlier.ops:
-        return target_visible(plan, place.target, place.end)
+        return target_visible(plan, location.target, location.end)
     coords = earlier.coords
     if coords.is_identity:
-        return target_visible(earlier.then(plan), place.target, place.end)
-    ends = [_on_screen(earlier, end) for end in (place.target, place.end)]
+        return target_visible(earlier.then(plan), location.target, location.end)
+    ends = [_on_screen(earlier, end) for end in (location.target, location.end)]
     return target_visible(earlier.then(plan), *ends)
 
 
-def _on_screen(plan: Plan, place: tuple[float, ...] | None) -> Any:
+def _on_screen(plan: Plan, point_or_box: tuple[float, ...] | None) -> Any:
     """Return a point or box of a corrupted picture on the screen from which it was made."""
-    if place is None:
+    if point_or_box is None:
         return None
-    if len(place) == 2:
-        return plan.coords.to_screen(place)
-    return plan.coords.boxes_to_screen([place])[0].tolist()
+    if len(point_or_box) == 2:
+        return plan.coords.to_screen(point_or_box)
+    return plan.coords.boxes_to_screen([point_or_box])[0].tolist()
 
 
-def _changed(row: _Row, earlier: Plan | None, plan: Plan, before: Any, after: Any) -> int | None:
+def _count_changed_pixels(
+    row: _Row, earlier: Plan | None, plan: Plan, before: Any, after: Any
+) -> int | None:
     """Return how many pixels differ from the clean screenshot; `None` without a clean one."""
     if earlier is not None and plan.out_size != earlier.size:
         return plan.out_size[0] * plan.out_size[1]

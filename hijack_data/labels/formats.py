@@ -93,8 +93,8 @@ def find_format(name: object) -> Format:
     if name is None:
         return FORMATS[LEAVE]
     if isinstance(name, ChatLabels):
-        others = None if name.others is None else find_format(name.others)
-        return chat_format(name, find_format(name.form), others)
+        other_format = None if name.others is None else find_format(name.others)
+        return chat_format(name, find_format(name.form), other_format)
     if callable(name):
         return function_format(name)
     if not isinstance(name, str):
@@ -143,9 +143,9 @@ def chat(
     positions = None if indices is None else tuple(indices)
     if positions is not None and not all(type(cast("object", index)) is int for index in positions):
         raise ParameterTypeError(f"chat indices must be whole numbers, got {indices!r}")
-    for declared in (form, others):
-        if declared is not None:
-            find_format(declared)
+    for entry in (form, others):
+        if entry is not None:
+            find_format(entry)
     return ChatLabels(form, tuple(ROLES.get(name, name) for name in names), positions, others)
 
 

@@ -45,7 +45,7 @@ def grounding_format(unit: int) -> Format:
 
     def map_value(value: Any, move: Move) -> Any:
         def change(text: str) -> str:
-            return _moved(text, unit, move)
+            return _map_text(text, unit, move)
 
         return each_text(value, change)
 
@@ -53,7 +53,7 @@ def grounding_format(unit: int) -> Format:
         locations: list[Location] = []
 
         def collect(text: str) -> str:
-            locations.extend(_places(text, unit, size))
+            locations.extend(_locations(text, unit, size))
             return text
 
         each_text(value, collect)
@@ -167,7 +167,7 @@ def _rows(kind: str, numbers: list[re.Match[str]], unit: int, size: Size) -> Any
     return rows
 
 
-def _moved(text: str, unit: int, move: Move) -> str:
+def _map_text(text: str, unit: int, move: Move) -> str:
     edits: list[TextEdit] = []
     scaling = move.scaling
     if unit == RESIZED:
@@ -188,7 +188,7 @@ def _moved(text: str, unit: int, move: Move) -> str:
     return apply_edits(text, edits)
 
 
-def _places(text: str, unit: int, size: Size) -> list[Location]:
+def _locations(text: str, unit: int, size: Size) -> list[Location]:
     height, width = size
     side = np.array([width, height])
     locations: list[Location] = []

@@ -57,12 +57,12 @@ class Labels:
         UnknownNameError: a format is unknown.
     """
 
-    def __init__(self, declared: Declared | None = None, target: str | None = None) -> None:
-        if declared is not None and not isinstance(cast(object, declared), Mapping):
+    def __init__(self, declarations: Declared | None = None, target: str | None = None) -> None:
+        if declarations is not None and not isinstance(cast(object, declarations), Mapping):
             raise ParameterTypeError(
-                f"labels must be a dictionary such as {{'bbox': 'xyxy'}}, got {declared!r}"
+                f"labels must be a dictionary such as {{'bbox': 'xyxy'}}, got {declarations!r}"
             )
-        formats = declared or {}
+        formats = declarations or {}
         for key in formats:
             if not isinstance(cast(object, key), str):
                 raise ParameterTypeError(f"labels: {key!r} is not a string; give strings")
@@ -81,8 +81,10 @@ class Labels:
     def __reduce__(self) -> "tuple[type[Labels], tuple[Declared, str | None]]":
         # Formats hold functions, so workers and the fingerprints of `datasets` get their names
         # instead.
-        declared = {self._path(key): form.declared for key, form in self.formats.items()}
-        return Labels, (declared, self.target)
+        declarations = {
+            self._path(key): form.name_or_declaration for key, form in self.formats.items()
+        }
+        return Labels, (declarations, self.target)
 
     def __repr__(self) -> str:
         return repr({self._path(key): form.name for key, form in self.formats.items()})
@@ -130,30 +132,30 @@ class Labels:
                 nor declared (the message names them all), or a label cannot follow the pixels.
         """
         self.check_paths(sample)
-        moved: dict[str, Any] = {}
+        changes: dict[str, Any] = {}
         if plan.coords.is_identity:
             if unclear:
                 problem = undeclared_error(unclear, plan.size, plan.size, bool(self.formats))
                 raise problem
-            self._follow_tensors(sample, moved, plan, skip)
-            return moved
+            self._follow_tensors(sample, changes, plan, skip)
+            return changes
         row = is_row(sample)
         move = Move(plan.size, plan.out_size)
         for path, form in self.formats.items():
-            self._follow_path(path, form, {**sample, **moved}, move, moved)
-        self._follow_tensors(sample, moved, plan, skip)
+            self._follow_path(path, form, {**sample, **changes}, move, changes)
+        self._follow_tensors(sample, changes, plan, skip)
         undeclared = Undeclared(self._is_settled)
         for key, value in sample.items():
             if key in self.formats or key in skip or value is None or is_following(value):
                 continue
-            if not self._follow_fixed(key, sample, move, moved, row):
+            if not self._follow_fixed(key, sample, move, changes, row):
                 undeclared.check(key, value)
         if undeclared.parts:
             problem = undeclared_error(
                 undeclared.parts, move.before, move.after, bool(self.formats)
             )
             raise problem
-        return moved
+        return changes
 
     def check_paths(self, sample: SampleDict) -> None:
         """Check that every declaration matches something in a sample.
@@ -188,14 +190,14 @@ class Labels:
         return bool(names_picture(path)) and has_pixels(value)
 
     def _follow_path(
-        self, path: str, form: Format, sample: SampleDict, move: Move, moved: dict[str, Any]
+        self, path: str, form: Format, sample: SampleDict, move: Move, changes: dict[str, Any]
     ) -> None:
         key, steps = split_path(path, sample)
         if key in sample and form.name not in (LEAVE, PICTURE):
-            moved[key] = map_at_path(path, form, sample[key], steps, move)
+            changes[key] = map_at_path(path, form, sample[key], steps, move)
 
     def _follow_tensors(
-        self, sample: SampleDict, moved: dict[str, Any], plan: Plan, skip: Collection[str]
+        self, sample: SampleDict, changes: dict[str, Any], plan: Plan, skip: Collection[str]
     ) -> None:
         """Map the boxes, key points and masks of torchvision, wherever they are."""
         if "torchvision.tv_tensors" not in sys.modules:
@@ -203,12 +205,12 @@ class Labels:
         for key, value in sample.items():
             if key in skip:
                 continue
-            value = moved.get(key, value)
+            value = changes.get(key, value)
             if is_plain(value):
                 continue
             after = self._map_tensors(key, value, plan)
             if after is not value:
-                moved[key] = after
+                changes[key] = after
 
     def _map_tensors(self, path: str, value: Any, plan: Plan) -> Any:
         if is_following(value):
@@ -237,7 +239,7 @@ class Labels:
         return value if is_unchanged else rebuilt(value, after)
 
     def _follow_fixed(
-        self, key: str, sample: SampleDict, move: Move, moved: dict[str, Any], row: bool
+        self, key: str, sample: SampleDict, move: Move, changes: dict[str, Any], row: bool
     ) -> bool:
         """Move an entry with a fixed meaning, and return whether the entry has one."""
         value = sample[key]
@@ -250,20 +252,20 @@ class Labels:
             side = width if key == "width" else height
             if not _is_side(value, side):
                 return False  # the side of a box, or of another picture
-            moved[key] = map_label(key, FORMATS[key], value, move)
+            changes[key] = map_label(key, FORMATS[key], value, move)
             return True
         if key == "action_code":
             if not row and not is_own_action(sample.get("action")) and not _is_code(value):
                 return False  # in another dialect, which must then be declared
-            moved[key] = self._map_code(value, sample, move, row)
+            changes[key] = self._map_code(value, sample, move, row)
             return True
         if key == "action" and not is_own_action(value):
             return False  # perhaps in another dialect, which must then be declared
         if _has_fixed_meaning(key, value):
-            moved[key] = map_label(key, _fixed_format(key, value), value, move)
+            changes[key] = map_label(key, _fixed_format(key, value), value, move)
             return True
         if row and key == "boxes":  # TorchDataset's
-            moved[key] = map_label(key, FORMATS["xyxy"], value, move)
+            changes[key] = map_label(key, FORMATS["xyxy"], value, move)
             return True
         return False
 
@@ -291,7 +293,7 @@ class Labels:
         Raises:
             LabelError: a label cannot be right on such a picture.
         """
-        location = next(iter(self._places(sample, size)), None)
+        location = next(iter(self._locations(sample, size)), None)
         if location is None or location.end is not None:
             return location
         return Location(location.target, self._end(sample, size))
@@ -306,7 +308,7 @@ class Labels:
         form = self.formats.get(key) or _fixed_format(key, value)
         if value is None:
             return []
-        return [place.target for place in label_locations(key, form, value, size)]
+        return [location.target for location in label_locations(key, form, value, size)]
 
     def check_target(self, sample: SampleDict, size: Size, skip: Collection[str] = ()) -> None:
         """Check that the target of a sample is known, if an entry could be one.
@@ -330,7 +332,8 @@ class Labels:
         if candidates or is_row(sample):
             for path in several if self.target is None else ():
                 if any(
-                    not _has_area(place.target) for place in self._places_at(path, sample, size)
+                    not _has_area(location.target)
+                    for location in self._locations_at(path, sample, size)
                 ):
                     raise LabelError(
                         f"label_policy='avoid' keeps the target of a sample in sight, and {path} is"
@@ -357,23 +360,23 @@ class Labels:
             if path != "elements" and form.locate is not nowhere
         ]
 
-    def _places(self, sample: SampleDict, size: Size) -> list[Location]:
+    def _locations(self, sample: SampleDict, size: Size) -> list[Location]:
         if self.target is not None:
-            return _only(self.target, self._places_at(self.target, sample, size))
+            return _only(self.target, self._locations_at(self.target, sample, size))
         for key in ("target", "target_box", "action"):
-            locations = self._places_at(key, sample, size)
+            locations = self._locations_at(key, sample, size)
             if locations:
                 return _only(key, locations)
         locations: list[Location] = []
         for path in self._pointing():
             if path not in FIXED_ENTRIES:
-                locations += self._places_at(path, sample, size)
+                locations += self._locations_at(path, sample, size)
         if not locations and "action_code" in self.formats:
-            return self._places_at("action_code", sample, size)[:1]
+            return self._locations_at("action_code", sample, size)[:1]
         # A box without area is a label like others, but nothing that could be in sight.
         return locations if len(locations) == 1 and _has_area(locations[0].target) else []
 
-    def _places_at(self, path: str, sample: SampleDict, size: Size) -> list[Location]:
+    def _locations_at(self, path: str, sample: SampleDict, size: Size) -> list[Location]:
         key, steps = split_path(path, sample)
         value = sample.get(key)
         if value is None:
@@ -390,7 +393,7 @@ class Labels:
         """Return where a drag from the target ends, from the action or from `action_code`."""
         action = sample.get("action")
         if action is not None and (is_own_action(action) or "action" in self.formats):
-            return _first_end(self._places_at("action", sample, size))
+            return _first_end(self._locations_at("action", sample, size))
         code = sample.get("action_code")
         if not isinstance(code, str) or not any(word in code for word in DRAGGING):
             return None
@@ -419,8 +422,10 @@ def _only(key: str, places: list[Location]) -> list[Location]:
     return places
 
 
-def _has_area(place: tuple[float, ...]) -> bool:
-    return len(place) == 2 or (place[2] > place[0] and place[3] > place[1])
+def _has_area(point_or_box: tuple[float, ...]) -> bool:
+    return len(point_or_box) == 2 or (
+        point_or_box[2] > point_or_box[0] and point_or_box[3] > point_or_box[1]
+    )
 
 
 def _first_end(places: list[Location]) -> tuple[float, ...] | None:

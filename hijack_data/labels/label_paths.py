@@ -61,7 +61,7 @@ def locate_at_path(
             # Where it fails, the message below names the label.
             with contextlib.suppress(HijackError):
                 return form.rows.locate_rows(rows, size)
-    return [place for label in labels for place in label_locations(path, form, label, size)]
+    return [location for label in labels for location in label_locations(path, form, label, size)]
 
 
 def _collect(value: Any, steps: list[str]) -> list[Any]:

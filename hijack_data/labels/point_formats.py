@@ -20,7 +20,7 @@ def point_format(order: str, unit: int, visibility: bool = False) -> Format:
     def in_order(points: Numbers) -> Numbers:
         return points[:, ::-1] if order == "yx" else points
 
-    def points_of(groups: Numbers) -> Numbers:
+    def ordered_points(groups: Numbers) -> Numbers:
         return in_order(groups[:, :2])
 
     def seen_in(groups: Numbers) -> Numbers:
@@ -29,7 +29,7 @@ def point_format(order: str, unit: int, visibility: bool = False) -> Format:
         return groups[:, 2] != 0
 
     def checked(groups: Numbers, size: Size) -> Numbers:
-        points = points_of(groups)
+        points = ordered_points(groups)
         if not unit and (points == _NOWHERE).all(axis=1).any():
             raise LabelError("holds the point (-1, -1); where there is none, give None")
         check_unit(points, unit, size)

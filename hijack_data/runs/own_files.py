@@ -19,8 +19,8 @@ def refuse_own_file(path: Path, option: str) -> None:
     Raises:
         HijackError: The path is that of a file of a run.
     """
-    place = path.resolve()
-    at_the_top = place.name in RUN_FILES and (place.parent / RUN).is_file()
-    of_an_episode = place.name in EPISODE_FILES and place.parent.parent.name == EPISODES
+    real_path = path.resolve()
+    at_the_top = real_path.name in RUN_FILES and (real_path.parent / RUN).is_file()
+    of_an_episode = real_path.name in EPISODE_FILES and real_path.parent.parent.name == EPISODES
     if at_the_top or of_an_episode:
         raise HijackError(f"{option} {path}: is a file of the run itself; give another name")

@@ -19,7 +19,7 @@ def check_head(data: object) -> dict[str, Any]:
     Raises:
         HijackError: It is not; the message names the field, but not the file.
     """
-    head = check_versioned(data, format=FORMAT, version=VERSION, what="the head of a run")
+    head = check_versioned(data, format=FORMAT, version=VERSION, description="the head of a run")
     for key in ("config", "versions"):
         if not isinstance(head.get(key, {}), dict):
             raise HijackError(f"{key}: must be an object, got {short_repr(head[key])}")

@@ -119,9 +119,9 @@ class Corrupt(v2.Transform):
         if return_plan not in (True, False, "json"):
             raise ParameterError(f"return_plan must be True, False or 'json', got {return_plan!r}")
         acting = sometimes(unwrap_planner(planner), p)
-        declared = make_labels(labels, target, image_key)
+        label_set = make_labels(labels, target, image_key)
         self.settings = SamplePlanner(
-            acting, scalar(seed, "seed", 0), label_policy, id_key, declared
+            acting, scalar(seed, "seed", 0), label_policy, id_key, label_set
         )
         self.id_from = id_from
         self.image_key = image_key

@@ -66,7 +66,7 @@ def plain(entries: DatasetRow) -> DatasetRow:
     return {key: corners(value) if key in read else value for key, value in entries.items()}
 
 
-def value_per_picture(values: Any, count: int, what: str) -> list[Any]:
+def value_per_picture(values: Any, count: int, name: str) -> list[Any]:
     """Return one value for each picture of a batch; a single integer applies to all.
 
     Raises:
@@ -76,7 +76,7 @@ def value_per_picture(values: Any, count: int, what: str) -> list[Any]:
         if isinstance(values, int):
             return [values] * count
         raise ParameterError(
-            f"{what} must hold one entry for each of the {count} pictures of the batch, got"
+            f"{name} must hold one entry for each of the {count} pictures of the batch, got"
             f" {values!r}"
         )
     return list(values)

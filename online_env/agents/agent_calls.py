@@ -87,7 +87,7 @@ class RunningAgent(Protocol):
         ...
 
     def make(self) -> None:
-        """Make a new object of the agent, in the place of the last one."""
+        """Replace the object of the agent by a new one."""
         ...
 
     def reset(self) -> None:

@@ -23,7 +23,7 @@ from hijack_data.config.nodes import (
     Problems,
     ScalarNode,
     SequenceNode,
-    kind_of,
+    describe_node,
     plain,
 )
 from hijack_data.config.yaml_reader import read_yaml
@@ -138,7 +138,7 @@ def read_errors(path_or_name: str) -> tuple[tuple[KnownError, ...], str]:
     listed = tree.items.get("errors")
     entries: list[KnownError] = []
     if not isinstance(listed, SequenceNode) or not listed.items or len(tree.items) != 1:
-        problems.stop(tree.place, "an error repository has one key, errors, with a list")
+        problems.stop(tree.position, "an error repository has one key, errors, with a list")
     for index, item in enumerate(listed.items):
         values = _section(problems, f"errors[{index}]", item, _ERROR, required=tuple(_ERROR))
         if len(values) == len(_ERROR):
@@ -151,7 +151,7 @@ def _mapping(name: str, data: bytes, problems: Problems, example: str) -> Mappin
     tree = read_yaml(data, name, problems)
     if isinstance(tree, MappingNode):
         return tree
-    content = "the file is empty" if tree is None else f"got {kind_of(tree)}"
+    content = "the file is empty" if tree is None else f"got {describe_node(tree)}"
     problems.stop(Position(name, 1, 1), f"this file is a mapping such as {example}; {content}")
 
 
@@ -169,7 +169,9 @@ def _section(
     """
     if not isinstance(tree, MappingNode):
         listed = ", ".join([*parameters, *unchecked])
-        problems.add(tree.place, f"{section} must be a mapping ({listed}), got {kind_of(tree)}")
+        problems.add(
+            tree.position, f"{section} must be a mapping ({listed}), got {describe_node(tree)}"
+        )
         return {}
     prefix = f"{section}." if section else ""
     values: dict[str, Any] = {}
@@ -180,15 +182,15 @@ def _section(
             hint = suggest(key, [*parameters, *unchecked])
             problems.add(tree.keys[key], f"{prefix or 'an agent file '}has no key {key!r}{hint}")
             continue
-        before = len(problems.found)
+        before = len(problems.mistakes)
         value = check(problems, parameters[key], f"{prefix}{key}", item)
         if isinstance(value, str) and not value.strip():
-            problems.add(item.place, f"{prefix}{key} must not be empty")
-        if len(problems.found) == before:
+            problems.add(item.position, f"{prefix}{key} must not be empty")
+        if len(problems.mistakes) == before:
             values[key] = value
     for key in required:
         if key not in tree.items:
-            problems.add(tree.place, f"{prefix}{key} is missing")
+            problems.add(tree.position, f"{prefix}{key} is missing")
     return values
 
 
@@ -218,7 +220,7 @@ class _AgentReader:
         # A missing one has been noted as a problem.
         model = ModelSettings(**{"model": "", **model_values})
         onlooker = self._onlooker(tree, model, values)
-        if self._problems.found:
+        if self._problems.mistakes:
             return None
         return AgentSettings(
             source=self._name,
@@ -258,7 +260,7 @@ class _AgentReader:
             return value
         # The value is not shown: it may be a key.
         self._problems.add(
-            item.place,
+            item.position,
             f"{path} is the name of an environment variable, such as OPENAI_API_KEY, and never the"
             " key itself",
         )
@@ -268,7 +270,7 @@ class _AgentReader:
         value = item.value if isinstance(item, ScalarNode) else ""
         if not isinstance(value, str) or not _is_address(value):
             self._problems.add(
-                item.place,
+                item.position,
                 f"{path} is an address such as http://127.0.0.1:8000/v1, without name and password"
                 " (keys come by api_key_env)",
             )
@@ -281,8 +283,8 @@ class _AgentReader:
                 self._problems.add(item.keys[key], f"{path}.{key} is set by the agent itself")
             return plain(item)
         self._problems.add(
-            item.place,
-            f"{path} must be a mapping of further fields of a request, got {kind_of(item)}",
+            item.position,
+            f"{path} must be a mapping of further fields of a request, got {describe_node(item)}",
         )
         return None
 
@@ -293,20 +295,20 @@ class _AgentReader:
         client = model.get("client", CLIENTS[0])
         parser = values.get("parser")
         expected_client = TOOL_PARSERS.get(parser or "")
-        place = tree.keys.get("parser", tree.place)
+        position = tree.keys.get("parser", tree.position)
         if expected_client is not None and client != expected_client:
             self._problems.add(
-                place, f"parser {parser} reads the tool of client: {expected_client}"
+                position, f"parser {parser} reads the tool of client: {expected_client}"
             )
         elif expected_client is None and client == "openai_computer" and parser is not None:
-            self._problems.add(place, "client openai_computer needs parser: openai")
+            self._problems.add(position, "client openai_computer needs parser: openai")
         elif expected_client is not None:
             model.setdefault("tool", TOOLS[client][0])
         tool = model.get("tool")
         tools = TOOLS.get(client, ()) if expected_client is not None else ()
         if tool is not None and tool not in tools:
             hint = suggest(tool, tools) if tools else ": this client and parser use none"
-            self._problems.add(tree.keys.get("tool", place), f"unknown tool {tool!r}{hint}")
+            self._problems.add(tree.keys.get("tool", position), f"unknown tool {tool!r}{hint}")
         if values.get("coordinates", "pixels") != "pixels" and parser != "pyautogui":
             self._problems.add(
                 tree.keys["coordinates"],
@@ -327,16 +329,18 @@ class _AgentReader:
     def _check_prompt(self, tree: MappingNode, values: dict[str, Any]) -> None:
         folder = values.get("prompts")
         if folder is not None:
-            place = self._resolve_path(folder)
-            values["prompts"] = place
-            if not Path(place).is_dir():
-                self._problems.add(tree.items["prompts"].place, f"{place}: no such folder")
+            prompt_folder = self._resolve_path(folder)
+            values["prompts"] = prompt_folder
+            if not Path(prompt_folder).is_dir():
+                self._problems.add(
+                    tree.items["prompts"].position, f"{prompt_folder}: no such folder"
+                )
                 return
         names = prompts.names(values.get("prompts"))
         prompt = values.get("prompt")
         if prompt is not None and prompt not in names:
             self._problems.add(
-                tree.items["prompt"].place, f"no prompt {prompt!r}{suggest(prompt, names)}"
+                tree.items["prompt"].position, f"no prompt {prompt!r}{suggest(prompt, names)}"
             )
 
     def _onlooker(
@@ -352,7 +356,7 @@ class _AgentReader:
             return None
         if values_read.get("summarise", True) and values.get("parser") in TOOL_PARSERS:
             self._problems.add(
-                node.place,
+                node.position,
                 "onlooker.summarise cannot replace the history of a computer tool, which is made"
                 " of the model's own calls; write summarise: false",
             )
@@ -371,9 +375,9 @@ class _AgentReader:
         try:
             entries, digest = read_errors(name)
         except ConfigError as error:
-            place = node.items["errors"].place if path is not None else node.place
+            position = node.items["errors"].position if path is not None else node.position
             for problem in error.problems:
-                self._problems.add(place, problem)
+                self._problems.add(position, problem)
             return ()
         self._hash.update(digest.encode())
         return entries

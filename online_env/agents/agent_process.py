@@ -35,7 +35,7 @@ from .agent_calls import (
 )
 from .agent_server import HEADER, MAX_REPLY, Message, encode, read_answer
 from .base import Observation
-from .references import AgentReference, absolute_place
+from .references import AgentReference, absolute_reference
 from .supervisor import EXIT_TIMEOUT_S, KILL_TIMEOUT_S, kill_descendants
 
 START_TIMEOUT_S = 900.0  # until an agent is made for the first time: weights may be large
@@ -266,7 +266,9 @@ def describe(text: str) -> AgentReference:
     Args:
         text: `package.module:Name` or `path/to/file.py:Name`.
     """
-    with AgentProcess(AgentReference(place=absolute_place(text)), _DESCRIBE_TIMEOUT_S) as process:
+    with AgentProcess(
+        AgentReference(place=absolute_reference(text)), _DESCRIBE_TIMEOUT_S
+    ) as process:
         return process.describe()
 
 

@@ -67,7 +67,7 @@ def _key(instruction: str, picture: UInt8Array) -> str:
     return digest.hexdigest()
 
 
-def _place(stream: Stream, size: Size) -> str:
+def _random_point(stream: Stream, size: Size) -> str:
     height, width = size
     x = stream.integer(0, width - 1)
     y = stream.integer(0, height - 1)
@@ -75,26 +75,26 @@ def _place(stream: Stream, size: Size) -> str:
 
 
 def _click(stream: Stream, size: Size, _: str) -> str:
-    return f"pyautogui.click({_place(stream, size)})"
+    return f"pyautogui.click({_random_point(stream, size)})"
 
 
 def _double_click(stream: Stream, size: Size, _: str) -> str:
-    return f"pyautogui.doubleClick({_place(stream, size)})"
+    return f"pyautogui.doubleClick({_random_point(stream, size)})"
 
 
 def _right_click(stream: Stream, size: Size, _: str) -> str:
-    return f"pyautogui.rightClick({_place(stream, size)})"
+    return f"pyautogui.rightClick({_random_point(stream, size)})"
 
 
 def _drag(stream: Stream, size: Size, _: str) -> str:
-    start = _place(stream, size)
-    end = _place(stream, size)
+    start = _random_point(stream, size)
+    end = _random_point(stream, size)
     return f"pyautogui.moveTo({start})\npyautogui.dragTo({end}, button='left')"
 
 
 def _scroll(stream: Stream, size: Size, _: str) -> str:
     amount = stream.integer(1, SCROLL) * stream.choice((1, -1))
-    return f"pyautogui.scroll({amount}, {_place(stream, size)})"
+    return f"pyautogui.scroll({amount}, {_random_point(stream, size)})"
 
 
 def _write(stream: Stream, _: Size, instruction: str) -> str:

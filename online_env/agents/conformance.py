@@ -48,7 +48,7 @@ class AgentTrial:
             self.agent.make()
             self.agent.reset()
         except AgentError as error:
-            fail(_with_place(error))
+            fail(_with_location(error))
         return self.agent
 
 
@@ -68,7 +68,7 @@ def ask(agent: RunningAgent, picture: UInt8Array, task: str = TASK) -> TextAnswe
     try:
         words, actions = agent.predict(task, {"screenshot": picture})
     except AgentError as error:
-        fail(_with_place(error))
+        fail(_with_location(error))
     texts = [action for action in actions if isinstance(action, str)]
     if len(texts) < len(actions):
         fail(f"an action must be a text, got {actions!r:.200}")
@@ -120,7 +120,7 @@ def check_repeats(trial: AgentTrial) -> Sequence[str]:
         try:
             agent.reset()
         except AgentError as error:
-            fail(_with_place(error))
+            fail(_with_location(error))
         _same(agent, answer, ask(agent, screen(SIZE)), "reset", "the object")
     else:
         notes = ("it has no reset, so each row of `hijack score` makes a new object",)
@@ -160,7 +160,7 @@ def check_batch(trial: AgentTrial) -> None:
     try:
         answers = trial.fresh().predict_batch([TASK] * 3, pictures)
     except AgentError as error:
-        fail(_with_place(error))
+        fail(_with_location(error))
     for single, (words, actions) in zip(singles, answers, strict=True):
         texts = [str(action) for action in actions]
         _same(agent, single, (words, texts), "predict_batch", "the batch")
@@ -174,7 +174,7 @@ def check_onlooker(trial: AgentTrial) -> None:
     try:
         agent.check(screen(SIZE))
     except AgentError as error:
-        fail(_with_place(error))
+        fail(_with_location(error))
 
 
 CHECKS: tuple[AgentCheck, ...] = (
@@ -205,7 +205,7 @@ def run_checks(agent: RunningAgent) -> Iterator[Result]:
 def not_made(error: AgentError) -> Result:
     """Return the outcome of `check_made` for an agent that cannot be made."""
     about = (check_made.__doc__ or "").partition("\n")[0]
-    return Result("made", about, _with_place(error))
+    return Result("made", about, _with_location(error))
 
 
 def _same(
@@ -230,6 +230,6 @@ def _points(action: str) -> Iterator[tuple[int, int]]:
             yield point
 
 
-def _with_place(error: AgentError) -> str:
-    place = error.frames[-1] if error.frames else ""
-    return f"{error} ({os.path.basename(place)})" if place else str(error)
+def _with_location(error: AgentError) -> str:
+    location = error.frames[-1] if error.frames else ""
+    return f"{error} ({os.path.basename(location)})" if location else str(error)

@@ -149,7 +149,7 @@ class Guarded:
         return {
             "name": self.onlooker.name,
             "settings": dict(self.onlooker.settings),
-            "interventions": [dict(each) for each in self._interventions],
+            "interventions": [dict(intervention) for intervention in self._interventions],
         }
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[Any]]:

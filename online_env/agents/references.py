@@ -37,16 +37,16 @@ class AgentReference:
 
 def is_foreign(text: str) -> bool:
     """Return whether a reference names code from outside this library."""
-    place = text.rpartition(":")[0]
-    return place.endswith(SUFFIX) or place.partition(".")[0] not in OURS
+    source = text.rpartition(":")[0]
+    return source.endswith(SUFFIX) or source.partition(".")[0] not in OURS
 
 
-def absolute_place(text: str) -> str:
+def absolute_reference(text: str) -> str:
     """Return a reference that holds in any working folder."""
-    place, _, name = text.rpartition(":")
-    if not place.endswith(SUFFIX):
+    source, _, name = text.rpartition(":")
+    if not source.endswith(SUFFIX):
         return text
-    return f"{os.path.abspath(os.path.expanduser(place))}:{name}"
+    return f"{os.path.abspath(os.path.expanduser(source))}:{name}"
 
 
 def reference_to(entry: Any, name: str) -> AgentReference:
@@ -64,8 +64,8 @@ def reference_to(entry: Any, name: str) -> AgentReference:
             " top of a module or file, or use --in-process"
         )
     file = find_loaded_file(entry)
-    place = entry.__module__ if file is None else file.path
-    return AgentReference(place=f"{place}:{title}", source=find_source(entry) or {})
+    source = entry.__module__ if file is None else file.path
+    return AgentReference(place=f"{source}:{title}", source=find_source(entry) or {})
 
 
 def is_user_code(entry: Any) -> bool:

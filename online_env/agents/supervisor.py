@@ -111,10 +111,10 @@ def kill_descendants(root: int) -> bool:
     return bool(below)
 
 
-def _become_agent(closed: tuple[int, ...]) -> None:
+def _become_agent(descriptors: tuple[int, ...]) -> None:
     """Prepare the child: a session of its own, no descriptor of the supervisor, killed first."""
     os.setsid()
-    for number in closed:
+    for number in descriptors:
         os.close(number)
     empty = os.open(os.devnull, os.O_RDONLY)
     os.dup2(empty, 0)

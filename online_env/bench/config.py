@@ -22,8 +22,8 @@ from hijack_data.config.nodes import (
     Problems,
     ScalarNode,
     SequenceNode,
+    describe_node,
     from_python,
-    kind_of,
 )
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.config_files import read_config
@@ -299,7 +299,7 @@ def load_bench(path_or_name: str | os.PathLike[str]) -> Bench:
     tree = read_yaml(data, name, problems)
     if not isinstance(tree, MappingNode):
         start = Position(name, 1, 1)
-        content = "the file is empty" if tree is None else f"got {kind_of(tree)}"
+        content = "the file is empty" if tree is None else f"got {describe_node(tree)}"
         problems.stop(start, f"a benchmark is a mapping such as tasks: [write_note], {content}")
     bench = _Reader(problems).read(tree, name)
     problems.check()
@@ -482,7 +482,7 @@ def _planners(bench: Bench, text: str) -> Planners:
     The path of a configuration of corruptions, such as the authors' `default.yaml`, stands for all
     that it lists.
     """
-    planners = {key: one for of in (ALL, *SETS) for key, one in all_planners(of).items()}
+    planners = {key: planner for of in (ALL, *SETS) for key, planner in all_planners(of).items()}
     planners |= bench.planners
     labels: list[str] = []
     for name in _split_names(text):
@@ -563,7 +563,7 @@ def _split_names(text: str) -> list[str]:
 
 
 def _check_names(
-    option: str, text: str, known: Iterable[str], hint: Callable[[str], str] | None = None
+    option: str, text: str, choices: Iterable[str], hint: Callable[[str], str] | None = None
 ) -> tuple[str, ...]:
     """Return the names that a text lists.
 
@@ -571,7 +571,7 @@ def _check_names(
         UnknownNameError: one of them is not known.
         ParameterError: one of them is given twice.
     """
-    available = tuple(known)
+    available = tuple(choices)
     if text.strip() == ALL:
         return available
     names = tuple(_split_names(text))
@@ -591,10 +591,10 @@ class _Reader:
         self._problems = problems
 
     def read(self, tree: MappingNode, source: str) -> Bench:
-        for key, place in tree.keys.items():
+        for key, position in tree.keys.items():
             if key not in KEYS:
                 hint = suggest(key, KEYS)
-                self._problems.add(place, f"unknown key {key!r}{hint}")
+                self._problems.add(position, f"unknown key {key!r}{hint}")
         values: dict[str, Any] = {"tasks": tuple(TASKS.names())}
         for key, item in tree.items.items():
             if key == "desktop":
@@ -628,7 +628,7 @@ class _Reader:
     def _text(self, key: str, tree: ConfigNode) -> str | None:
         if isinstance(tree, ScalarNode) and isinstance(tree.value, str):
             return tree.value
-        return self._problems.add(tree.place, f"{key} must be a text, got {kind_of(tree)}")
+        return self._problems.add(tree.position, f"{key} must be a text, got {describe_node(tree)}")
 
     def _seed(self, key: str, tree: ConfigNode) -> Any:
         return check(self._problems, SEED, key, tree)
@@ -638,13 +638,13 @@ class _Reader:
         example = "write desktop: {provider: embedded, size: [1920, 1080]}"
         if not isinstance(tree, MappingNode):
             self._problems.add(
-                tree.place, f"desktop must be a mapping, got {kind_of(tree)}; {example}"
+                tree.position, f"desktop must be a mapping, got {describe_node(tree)}; {example}"
             )
             return {}
-        for key, place in tree.keys.items():
+        for key, position in tree.keys.items():
             if key not in DESKTOP_KEYS:
                 hint = suggest(key, DESKTOP_KEYS)
-                self._problems.add(place, f"desktop has no key {key!r}{hint}")
+                self._problems.add(position, f"desktop has no key {key!r}{hint}")
         values: dict[str, Any] = {}
         if "provider" in tree.items:
             values["provider"] = self._name("desktop.provider", tree.items["provider"], PROVIDERS)
@@ -655,7 +655,7 @@ class _Reader:
     def _size(self, tree: ConfigNode, example: str) -> Size | None:
         if not isinstance(tree, SequenceNode) or len(tree.items) != 2:
             return self._problems.add(
-                tree.place, f"desktop.size must be [width, height] in pixels; {example}"
+                tree.position, f"desktop.size must be [width, height] in pixels; {example}"
             )
         width = check(self._problems, SIDE, "desktop.size[0]", tree.items[0])
         height = check(self._problems, SIDE, "desktop.size[1]", tree.items[1])
@@ -668,8 +668,8 @@ class _Reader:
         if isinstance(tree, ScalarNode) and tree.value == ALL:
             return names
 
-        def read_name(where: str, item: ConfigNode) -> str | None:
-            return self._name(where, item, registry)
+        def read_name(item_key: str, item: ConfigNode) -> str | None:
+            return self._name(item_key, item, registry)
 
         example = f"[{names[0]}]"
         return self._list(key, tree, example, read_name)
@@ -682,7 +682,7 @@ class _Reader:
             try:
                 return tuple(map(TASKS.find, _files_in(str(tree.value))))
             except HijackError as error:
-                return self._problems.add(tree.place, f"{key}: {error}")
+                return self._problems.add(tree.position, f"{key}: {error}")
         return self._names(key, tree, TASKS)
 
     def _name(self, key: str, tree: ConfigNode, registry: AnyRegistry) -> str | None:
@@ -696,25 +696,25 @@ class _Reader:
                 registry.check_not_broken(text)
             except ConfigError as error:
                 for problem in error.problems:
-                    self._problems.add(tree.place, f"{key}: {problem}")
+                    self._problems.add(tree.position, f"{key}: {problem}")
                 return None
             except HijackError as error:
-                return self._problems.add(tree.place, f"{key}: {error}")
+                return self._problems.add(tree.position, f"{key}: {error}")
         return check(self._problems, choice, key, tree)
 
     def _list(
         self, key: str, tree: ConfigNode, example: str, read_item: Callable[[str, ConfigNode], Any]
     ) -> tuple[Any, ...] | None:
         if not isinstance(tree, SequenceNode) or not tree.items:
-            content = "an empty one" if isinstance(tree, SequenceNode) else kind_of(tree)
+            content = "an empty one" if isinstance(tree, SequenceNode) else describe_node(tree)
             return self._problems.add(
-                tree.place, f"{key} must be a list, got {content}; write {key}: {example}"
+                tree.position, f"{key} must be a list, got {content}; write {key}: {example}"
             )
         values: list[Any] = []
         for index, item in enumerate(tree.items):
             value = read_item(f"{key}[{index}]", item)
             if value is not None and value in values:
-                self._problems.add(item.place, f"{key} names {value!r} twice; remove one")
+                self._problems.add(item.position, f"{key} names {value!r} twice; remove one")
             values.append(value)
         return tuple(values)
 
@@ -732,7 +732,7 @@ class _Reader:
             return self._build_planners(tree)
         if not corrupted:
             return {CLEAN: None}
-        return {CLEAN: None, **self._build_planners(SequenceNode(tree.place, corrupted))}
+        return {CLEAN: None, **self._build_planners(SequenceNode(tree.position, corrupted))}
 
     def _build_planners(self, tree: ConfigNode) -> Planners:
         return cast("Planners", Builder(self._problems).build(tree))

@@ -59,13 +59,13 @@ class ReceivedEpisode:
                 already.
             unwritable: The file cannot be written.
         """
-        place = PurePosixPath(name)
-        is_inside = len(place.parts) > 1 and place.parts[0] in _SENT_FOLDERS
-        if not is_inside or ".." in place.parts:
+        relative_path = PurePosixPath(name)
+        is_inside = len(relative_path.parts) > 1 and relative_path.parts[0] in _SENT_FOLDERS
+        if not is_inside or ".." in relative_path.parts:
             raise ClusterError(f"a node sent the file {name!r}, which is none of an episode")
-        path = self._run / place
+        path = self._run / relative_path
         try:
-            self._make_room(path, place)
+            self._make_room(path, relative_path)
             if path.name != EPISODE:
                 path.write_bytes(content)
                 return
@@ -81,8 +81,8 @@ class ReceivedEpisode:
             else:
                 path.unlink(missing_ok=True)
 
-    def _make_room(self, path: Path, place: PurePosixPath) -> None:
-        folder = self._run / PurePosixPath(*place.parts[:2])
+    def _make_room(self, path: Path, relative_path: PurePosixPath) -> None:
+        folder = self._run / PurePosixPath(*relative_path.parts[:2])
         if folder not in self._written_paths:
             if (folder / EPISODE).exists():
                 raise ClusterError(f"{folder}: holds an episode already; go on with --resume")

@@ -213,8 +213,8 @@ def history_near(out: Path | None) -> History:
     Args:
         out: The folder of a run, which need not exist; `None` stands for a run in `runs`.
     """
-    place = out if out is not None else Path("runs/new")
-    heads = [place / RUN, *_glob(place.absolute().parent)]
+    run_folder = out if out is not None else Path("runs/new")
+    heads = [run_folder / RUN, *_glob(run_folder.absolute().parent)]
     heads_found = {path.resolve() for path in heads if path.is_file()}
     newest = sorted(heads_found, key=lambda path: path.stat().st_mtime, reverse=True)
     return read_history([path.parent for path in newest[:MAX_RUNS]])
@@ -289,9 +289,9 @@ def _sizes(folder: Path, records: Sequence[ResultRecord]) -> Iterator[float]:
     records_by_id = {
         str(record.get("id")): record for record in records
     }  # a foreign id may be any path
-    for place in (folder / EPISODES).glob("*/"):
-        record = records_by_id.get(place.name)
+    for episode_folder in (folder / EPISODES).glob("*/"):
+        record = records_by_id.get(episode_folder.name)
         if record is None or not isinstance(record.get("steps"), int):
             continue
-        size = sum(path.stat().st_size for path in place.rglob("*") if path.is_file())
+        size = sum(path.stat().st_size for path in episode_folder.rglob("*") if path.is_file())
         yield size / (record["steps"] + 1)

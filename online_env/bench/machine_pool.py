@@ -63,7 +63,7 @@ class MachinePool:
         serve: Callable[[Connection, WorkerSetup], None] | None = None,
     ) -> None:
         machines = setup.bench.machines or MachineSettings()
-        seats = [_Seat(settings) for settings in machines.each()]
+        seats = [_Seat(settings) for settings in machines.single_machines()]
         self.desktops = self.max_episodes = min(desktops, len(seats))
         self._setup = setup
         self._serve = serve or serve_machine
@@ -82,7 +82,7 @@ class MachinePool:
         self.stop()
 
     @contextmanager
-    def place(self) -> Generator[None]:
+    def reserve(self) -> Generator[None]:
         """Wait for a machine that is free, and hold it.
 
         Raises:
@@ -96,7 +96,7 @@ class MachinePool:
             self._local.seat = None
 
     def __call__(self, job: Job, attempt: int) -> ResultRecord:
-        """Play an episode, within `place`; see `EpisodePool`.
+        """Play an episode, within `reserve`; see `EpisodePool`.
 
         Raises:
             DesktopError: All machines have been taken out.
@@ -175,9 +175,9 @@ class MachinePool:
             self._in_use.discard(seat)
             count = sum(name.split(" #")[0] == seat.name for name in self._lost)
             self._lost[f"{seat.name} #{count + 1}" if count else seat.name] = reason
-            left = len(self._free) + len(self._in_use)
+            remaining = len(self._free) + len(self._in_use)
             self._changed.notify_all()
-        self._notice(f"{seat.name} is taken out: {reason} ({left} machines left)")
+        self._notice(f"{seat.name} is taken out: {reason} ({remaining} machines left)")
 
     def _close_worker(self, seat: _Seat) -> None:
         worker, seat.worker = seat.worker, None

@@ -110,7 +110,7 @@ def read_plan_set(path: Path) -> PlanSet:
         path,
         format=FORMAT,
         version=VERSION,
-        what="a set of plans (worst.json of hijack search)",
+        description="a set of plans (worst.json of hijack search)",
         error=PlanSetError,
     )
     body = {key: value for key, value in data.items() if key not in ("format", "version")}

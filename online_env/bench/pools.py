@@ -26,12 +26,12 @@ class EpisodePool(Protocol):
     desktops: int  # number of desktops, or the most at once, when the run begins
     max_episodes: int  # number of threads that may call the pool at once
 
-    def place(self) -> AbstractContextManager[object]:
+    def reserve(self) -> AbstractContextManager[object]:
         """Return a context that is entered once a desktop is free for the calling thread."""
         ...
 
     def __call__(self, job: Job, attempt: int) -> ResultRecord:
-        """Play an episode, within `place`, and return its record.
+        """Play an episode, within `reserve`, and return its record.
 
         If the process dies during the episode, the record is an error of the machine, and the
         episode is retried. Errors that refuse the episode are raised here again.

@@ -72,7 +72,7 @@ class ProgressDisplay:
         if self._bar is None:
             return
         text = f"{job} (again)" if attempt else str(job)
-        self._bar.update(self._task, completed=self._done, description=text)
+        self._bar.update(self._task, completed=self._finished_count, description=text)
 
     def ended(self, job: "Job", number: int, record: ResultRecord) -> None:
         """Print one line on the episode."""
@@ -90,13 +90,13 @@ class ProgressDisplay:
         style = COLOURS.get(status)
         self._print(shorten(line), style)
         if self._bar is not None:
-            self._bar.update(self._task, completed=self._done, pace=self.pace)
+            self._bar.update(self._task, completed=self._finished_count, pace=self.pace)
         elif self._clock() - self._last_line_time >= RATE_PERIOD_S:
             self._last_line_time = self._clock()
-            self._print(f"{self._done} of {self._count} episodes, {self.pace}", "dim")
+            self._print(f"{self._finished_count} of {self._count} episodes, {self.pace}", "dim")
 
     @property
-    def _done(self) -> int:
+    def _finished_count(self) -> int:
         return self._finished_before + len(self._finished_jobs)
 
     @property
@@ -106,7 +106,7 @@ class ProgressDisplay:
         if not self._finished_jobs or elapsed <= 0:
             return ""
         rate = len(self._finished_jobs) / elapsed
-        remaining_s = (self._count - self._done) / rate
+        remaining_s = (self._count - self._finished_count) / rate
         return f"{3600 * rate:.0f} an hour, {format_duration(remaining_s)} left"
 
     def _print(self, text: str, style: str | None) -> None:

@@ -122,7 +122,7 @@ class RayPool:
         self._stack.close()
 
     @contextmanager
-    def place(self) -> Generator[None]:
+    def reserve(self) -> Generator[None]:
         """Return a context that is entered once a desktop is free for this thread."""
         self._local.desktop = self._take()
         try:

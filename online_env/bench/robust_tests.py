@@ -33,9 +33,9 @@ class RobustMark:
         suite: the configuration of the benchmark, such as `embedded_small`.
         retention: what the lower end of the 95 % interval of the retention must reach, 0 to 1.
         gates: further scores that must be reached, as in `hijack gate --fail-under`.
-        tasks: tasks in the place of the suite's: names separated by commas, or a set.
-        conditions: conditions in the place of the suite's: labels separated by commas, or `all`.
-        seeds: seeds 0 to `seeds` - 1, in the place of the suite's.
+        tasks: tasks instead of the suite's: names separated by commas, or a set.
+        conditions: conditions instead of the suite's: labels separated by commas, or `all`.
+        seeds: seeds 0 to `seeds` - 1, instead of the suite's.
         machines: addresses or providers of machines of the user, for tasks of OSWorld.
         desktops: how many desktops play side by side.
         options: further options of `hijack bench`.
@@ -74,8 +74,8 @@ class RobustMark:
 def run_robust_test(item: pytest.Function, mark: pytest.Mark) -> None:
     """Call a test, play the agent that it returns, and judge the run."""
     try:
-        chosen = read_mark(mark)
-        lacking = _check(chosen)
+        options = read_mark(mark)
+        lacking = _check(options)
     except HijackError as error:
         _fail(f"@pytest.mark.robust: {error}")
     if lacking:
@@ -87,11 +87,11 @@ def run_robust_test(item: pytest.Function, mark: pytest.Mark) -> None:
     except HijackError as error:
         _fail(str(error))
     folder = _run_folder(item)
-    _play(chosen.command(agent, folder))
-    _judge(item, reading.read(folder), chosen)
+    _play(options.command(agent, folder))
+    _judge(item, reading.read(folder), options)
 
 
-def _check(chosen: RobustMark) -> str:
+def _check(options: RobustMark) -> str:
     """Check suite and gates before anything is played.
 
     Returns:
@@ -100,9 +100,9 @@ def _check(chosen: RobustMark) -> str:
     Raises:
         HijackError: there is no such suite, task or condition, or a gate is wrong.
     """
-    benchmark = override(load_bench(chosen.suite), None, chosen.tasks, chosen.conditions)
-    ReleaseGate.read(chosen.fail_under, None, ["the agent"], list(benchmark.planners))
-    return "" if chosen.machines else lack_of_desktop(benchmark)
+    benchmark = override(load_bench(options.suite), None, options.tasks, options.conditions)
+    ReleaseGate.read(options.fail_under, None, ["the agent"], list(benchmark.planners))
+    return "" if options.machines else lack_of_desktop(benchmark)
 
 
 def read_mark(mark: pytest.Mark) -> RobustMark:
@@ -119,13 +119,13 @@ def read_mark(mark: pytest.Mark) -> RobustMark:
             raise ParameterError(f"no argument {name!r}{suggest(name, names)}")
     if "suite" not in mark.kwargs:
         raise ParameterError("name a suite, such as suite='embedded_small'")
-    chosen = RobustMark(**mark.kwargs)
+    options = RobustMark(**mark.kwargs)
     for name in ("gates", "machines", "options"):
-        if isinstance(getattr(chosen, name), str):
+        if isinstance(getattr(options, name), str):
             raise ParameterError(f"{name} is a list of texts")
-    if not chosen.fail_under:
+    if not options.fail_under:
         raise ParameterError("say what is required, retention=0.8 or gates=['success=0.5']")
-    return replace(chosen, suite=str(chosen.suite))
+    return replace(options, suite=str(options.suite))
 
 
 def agent_reference(agent: object) -> str:
@@ -157,9 +157,9 @@ def lack_of_desktop(benchmark: Bench) -> str:
     findings = doctor.diagnose(("core",))
     return next(
         (
-            f"{each.name}: {each.detail}; {each.fix}"
-            for each in findings
-            if each.required and not each.ok
+            f"{finding.name}: {finding.detail}; {finding.fix}"
+            for finding in findings
+            if finding.required and not finding.ok
         ),
         "",
     )
@@ -195,7 +195,7 @@ def _play(command: Sequence[str]) -> None:
         _fail(f"the benchmark ended with exit code {process.returncode}:\n{output}")
 
 
-def _judge(item: pytest.Function, run: reading.Run, chosen: RobustMark) -> None:
+def _judge(item: pytest.Function, run: reading.Run, options: RobustMark) -> None:
     """Fail unless every planned episode counts and all gates are passed."""
     look = f"the run: hijack view {run.folder}"
     uncounted = [record for record in run.last_attempts if not scores.counts(record)]
@@ -205,7 +205,7 @@ def _judge(item: pytest.Function, run: reading.Run, chosen: RobustMark) -> None:
         _fail("\n".join([f"{count} episodes are missing, damaged or invalid", *problems, look]))
     agents = list(dict.fromkeys(record["agent"] for record in run.records))
     labels = list(dict.fromkeys(record["corruption"] for record in run.records))
-    verdicts = ReleaseGate.read(chosen.fail_under, None, agents, labels).verdicts(run)
+    verdicts = ReleaseGate.read(options.fail_under, None, agents, labels).verdicts(run)
     conclusion = "\n".join(conclude(build_report(run)))
     lines = [conclusion, *(str(verdict) for verdict in verdicts), look]
     item.user_properties.append(("robustness", conclusion))

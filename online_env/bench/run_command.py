@@ -242,9 +242,9 @@ def _test(
     """Return the test that ends a run early, if there is one."""
     if benchmark.until_retention is None:
         return None
-    played = [record for attempt_records in earlier.values() for record in attempt_records]
+    earlier_records = [record for attempt_records in earlier.values() for record in attempt_records]
     ids = [job.id for job in earlier]
-    return SequentialTest(benchmark.until_retention, benchmark.to_data(), ids, played)
+    return SequentialTest(benchmark.until_retention, benchmark.to_data(), ids, earlier_records)
 
 
 def _warn_of_too_few_tasks(benchmark: Bench) -> None:
@@ -337,7 +337,7 @@ def _play(
             at_once=pool.max_episodes,
             stop=stop or (lambda: None),
             budget=budget,
-            place=pool.place,
+            reserve=pool.reserve,
             test=_test(benchmark, earlier),
         )
 
@@ -364,7 +364,7 @@ def _notice(text: str) -> None:
 def _room(benchmark: Bench) -> int:
     """Return how many episodes can be played side by side."""
     if benchmark.machines is not None:
-        return len(benchmark.machines.each())
+        return len(benchmark.machines.single_machines())
     return default_desktops()
 
 

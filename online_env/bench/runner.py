@@ -39,7 +39,7 @@ def run_jobs(
     at_once: int = 1,
     stop: Callable[[], object] = lambda: None,
     budget: Budget | None = None,
-    place: Callable[[], AbstractContextManager[object]] = nullcontext,
+    reserve: Callable[[], AbstractContextManager[object]] = nullcontext,
     test: SequentialTest | None = None,
 ) -> Counter[str]:
     """Run every job and append a record for each attempt.
@@ -59,14 +59,14 @@ def run_jobs(
         stop: Interrupts the running episodes; called if one job raises, or at Ctrl-C.
         budget: The budget. Once it is spent, no further attempt begins, running attempts are
             finished, and its `CostLimitError` is raised.
-        place: Returns a context that is entered before each attempt and waits for a desktop.
+        reserve: Returns a context that is entered before each attempt and waits for a desktop.
         test: Once it is over, no further job begins; those that have begun are finished.
 
     Returns:
         How many jobs ended `"ok"`, `"invalid"` and `"error"`.
     """
     before = earlier or {}
-    run = _Run(folder, retries, episode, listener, budget, place, test)
+    run = _Run(folder, retries, episode, listener, budget, reserve, test)
     numbered = list(enumerate(listed, 1))
     outcomes: Counter[str] = Counter()
     if at_once == 1:
@@ -107,7 +107,7 @@ class _Run:
         episode: Callable[[Job, int], ResultRecord],
         listener: RunListener,
         budget: Budget | None,
-        place: Callable[[], AbstractContextManager[object]],
+        reserve: Callable[[], AbstractContextManager[object]],
         test: SequentialTest | None,
     ) -> None:
         self._folder = folder
@@ -115,7 +115,7 @@ class _Run:
         self._episode = episode
         self._listener = listener
         self._budget = budget
-        self._place = place
+        self._reserve = reserve
         self._test = test
         self._one_at_a_time = threading.Lock()
         self.stopped = False
@@ -125,7 +125,7 @@ class _Run:
         """Run a job until no further attempt is due; return how it ended."""
         attempt_records = list(earlier)
         while needs_attempt(attempt_records, self._retries):
-            with self._place():
+            with self._reserve():
                 with self._one_at_a_time:
                     if not self._may_begin(is_first=not attempt_records):
                         return "left"

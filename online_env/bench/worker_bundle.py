@@ -41,7 +41,7 @@ class WorkerBundle:
 
     Args:
         software: The versions that must be the same on all machines, by name.
-        loaded: Path and SHA-256 of each Python file of the user that the run needs.
+        python_files: Path and SHA-256 of each Python file of the user that the run needs.
         agent_files: The same of agents that run in processes of their own; the nodes do not import
             them.
         setup: The pickled `WorkerSetup`.
@@ -52,7 +52,7 @@ class WorkerBundle:
     """
 
     software: Mapping[str, str]
-    loaded: tuple[tuple[str, str], ...]
+    python_files: tuple[tuple[str, str], ...]
     agent_files: tuple[tuple[str, str], ...] = ()
     setup: bytes
     agents: Mapping[str, AgentSettings]
@@ -78,7 +78,7 @@ def pack(setup: WorkerSetup) -> WorkerBundle:
         ) from None
     return WorkerBundle(
         software=software(),
-        loaded=tuple(_loaded_files(setup.bench)),
+        python_files=tuple(_loaded_files(setup.bench)),
         agent_files=tuple(_agent_files(setup.bench)),
         setup=content,
         agents=agents,
@@ -105,13 +105,15 @@ def unpack(bundle: WorkerBundle, folder: Path) -> WorkerSetup:
     check_software(bundle.software)
     for path, sha256 in bundle.agent_files:
         _check_file(path, sha256)
-    for path, sha256 in bundle.loaded:
+    for path, sha256 in bundle.python_files:
         _load(path, sha256)
     setup: WorkerSetup = pickle.loads(bundle.setup)  # noqa: S301  (the runner made it)
     for index, (name, settings) in enumerate(bundle.agents.items()):
         prompts = bundle.agent_prompts.get(name)
-        place = _write_files(prompts, folder / f"prompts-{index}")
-        own_settings = replace(settings, prompts=None if place is None else str(place))
+        prompt_folder = _write_files(prompts, folder / f"prompts-{index}")
+        own_settings = replace(
+            settings, prompts=None if prompt_folder is None else str(prompt_folder)
+        )
         AGENTS.add(FileAgentMaker(own_settings), name)
     models = replace(
         setup.models,
@@ -188,10 +190,10 @@ def _load(path: str, sha256: str) -> None:
         ClusterError: The file is missing here, or has different bytes.
     """
     try:
-        loaded = run_file(path).sha256
+        actual_sha256 = run_file(path).sha256
     except HijackError as error:
         raise ClusterError(f"{error}; {_REMEDY}") from None
-    _check_hash(path, loaded, sha256)
+    _check_hash(path, actual_sha256, sha256)
 
 
 def _check_file(path: str, sha256: str) -> None:

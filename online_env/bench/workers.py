@@ -83,8 +83,8 @@ def references(bench: Bench) -> tuple[ForeignEntry, ...]:
         elif is_from_data(entry):
             entries.append(ForeignEntry(registry.kind, name, entry.source["path"]))
         else:
-            place = entry.__module__ if file is None else file.path
-            entries.append(ForeignEntry(registry.kind, name, f"{place}:{entry.__qualname__}"))
+            source = entry.__module__ if file is None else file.path
+            entries.append(ForeignEntry(registry.kind, name, f"{source}:{entry.__qualname__}"))
     return tuple(entries)
 
 
@@ -134,7 +134,7 @@ class LocalPool:
     def __exit__(self, *_: object) -> None:
         self.stop()
 
-    def place(self) -> AbstractContextManager[object]:
+    def reserve(self) -> AbstractContextManager[object]:
         """Return at once, since each thread has its own process."""
         return nullcontext()
 

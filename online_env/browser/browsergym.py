@@ -278,8 +278,8 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
             **observation,
             "screenshot": apply(plan, observation["screenshot"]),
             "extra_element_properties": {
-                bid: {**each, "bbox": _map_box(each["bbox"], plan.coords)}
-                for bid, each in properties.items()
+                bid: {**element, "bbox": _map_box(element["bbox"], plan.coords)}
+                for bid, element in properties.items()
             },
         }
 
@@ -308,7 +308,7 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
 
         def guarded(page: Any, messages: Any) -> tuple[float, bool, str, dict[str, Any]]:
             browser.tidy()
-            behind = [each for each in browser.pages if not each.is_cover]
+            behind = [open_page for open_page in browser.pages if not open_page.is_cover]
             if browser.front.is_cover and behind:
                 page = cast("Any", behind[-1]).page
             try:
@@ -411,10 +411,10 @@ def _element_boxes(observation: dict[str, Any]) -> BoxArray:
     """Return the boxes of the clickable elements in the picture, int32 `[N, 4]` `xyxy`."""
     height, width = observation["screenshot"].shape[:2]
     boxes: list[list[int]] = []
-    for each in observation["extra_element_properties"].values():
-        if not each["bbox"] or not each["clickable"]:
+    for element in observation["extra_element_properties"].values():
+        if not element["bbox"] or not element["clickable"]:
             continue
-        x, y, w, h = each["bbox"]
+        x, y, w, h = element["bbox"]
         left, top = max(int(x), 0), max(int(y), 0)
         right, bottom = min(int(np.ceil(x + w)), width), min(int(np.ceil(y + h)), height)
         if left < right and top < bottom:
@@ -427,7 +427,8 @@ def _map_box(box: list[float] | None, coords: CoordMap) -> list[float] | None:
     if not box:
         return box
     down, across = (
-        seen / real for seen, real in zip(coords.observation, coords.screen, strict=True)
+        picture_side / screen_side
+        for picture_side, screen_side in zip(coords.observation, coords.screen, strict=True)
     )
     x, y, width, height = box
     return [x * across, y * down, width * across, height * down]

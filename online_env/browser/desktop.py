@@ -156,9 +156,9 @@ def _frame_ids(tree: Mapping[str, Any]) -> list[str]:
     return ids
 
 
-def _refuse(what: str) -> NoReturn:
+def _refuse(operation: str) -> NoReturn:
     raise MissingCapabilityError(
-        f"a browser cannot {what}: it is no desktop with programs and files"
+        f"a browser cannot {operation}: it is no desktop with programs and files"
     )
 
 

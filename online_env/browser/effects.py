@@ -127,7 +127,9 @@ class ClickElement(LiveEffect):
         browser = _browser(guest)
         stream = guest.stream or Stream(0, "touch-v1")
         elements = live_elements(guest.desktop.accessibility(), browser.size)
-        elements = [one for one in elements if one.role != "push-button"] or elements
+        elements = [
+            candidate for candidate in elements if candidate.role != "push-button"
+        ] or elements
         record: EffectRecord = {"attempts": [], "clicked": None, "over": browser.task_is_over()}
         boxes = read_touch_boxes(params)
         while len(record["attempts"]) < MAX_CLICKS and record["clicked"] is None:
@@ -256,7 +258,7 @@ class EndSession(LiveEffect):
         return {"url": url, "page": page.target}
 
     def probe(self, guest: Guest, record: EffectRecord) -> Probe:
-        """Look at the page in front: it must be the wall, in the place of the task's page."""
+        """Look at the page in front: it must be the wall instead of the task's page."""
         browser = _browser(guest)
         facts = {
             "walled": browser.is_walled,

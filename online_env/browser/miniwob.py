@@ -187,29 +187,33 @@ class MiniwobTasks(TaskHolder):
             DesktopError: The page does not load.
             DesktopTimeoutError: The page words no task.
         """
-        chosen: object = self._default if task is None else task
-        if isinstance(chosen, str):
-            chosen = tasks.get(chosen, seed)
-        if not isinstance(chosen, MiniwobTask):
-            raise ParameterTypeError(f"a task of MiniWoB++ is wanted, got {chosen!r:.80}")
+        miniwob_task: object = self._default if task is None else task
+        if isinstance(miniwob_task, str):
+            miniwob_task = tasks.get(miniwob_task, seed)
+        if not isinstance(miniwob_task, MiniwobTask):
+            raise ParameterTypeError(f"a task of MiniWoB++ is wanted, got {miniwob_task!r:.80}")
         self._task = None
         self._result = None
-        root = chosen.page.parent.parent
+        root = miniwob_task.page.parent.parent
         self._site.folder = root
-        url = self._site.url(chosen.page.relative_to(root).as_posix())
-        script = _START % json.dumps(chosen.seed)
+        url = self._site.url(miniwob_task.page.relative_to(root).as_posix())
+        script = _START % json.dumps(miniwob_task.seed)
         self._desktop.reset({"url": url, "scripts": [script]})
         deadline = time.monotonic() + START_TIMEOUT_S
         while self._desktop.evaluate(_READY) is not True:
             if time.monotonic() > deadline:
                 raise DesktopTimeoutError(
-                    f"{chosen.page.name} did not begin within {START_TIMEOUT_S:g} s"
+                    f"{miniwob_task.page.name} did not begin within {START_TIMEOUT_S:g} s"
                 )
             time.sleep(0.005)
         instruction = " ".join(str(self._desktop.evaluate(_QUESTION)).split())
-        self._task = chosen
+        self._task = miniwob_task
         return Setting(
-            chosen.id, instruction, tuple(map(normalize_app, chosen.apps)), False, chosen.seed
+            miniwob_task.id,
+            instruction,
+            tuple(map(normalize_app, miniwob_task.apps)),
+            False,
+            miniwob_task.seed,
         )
 
     def evaluate(self, history: Sequence[str]) -> Verdict:

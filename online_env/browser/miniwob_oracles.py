@@ -43,7 +43,7 @@ class ShownPage:
         return [
             node
             for node in nodes_from_tree(self._hand.tree())
-            if node.shown
+            if node.visible
             and node.box is not None
             and (not tag or node.attributes.get(f"{_HTML}tag") == tag)
             and (name is None or " ".join(node.name.split()) == name)
@@ -78,7 +78,7 @@ class ShownPage:
         self._hand.run(f"pyautogui.click({(x1 + x2) // 2}, {(y1 + y2) // 2})")
 
     def fill(self, node: AccessibleNode, text: str) -> None:
-        """Type a text into a field, in the place of what it holds."""
+        """Replace the content of a field by a text."""
         self.click(node)
         self._hand.replace(text)
 
@@ -213,8 +213,8 @@ def _click_tab(page: ShownPage) -> None:
 
 
 def _focus(page: ShownPage) -> None:
-    (place,) = _ordinals(page) or [0]
-    page.click(page.nodes("input", type="text")[place])
+    (index,) = _ordinals(page) or [0]
+    page.click(page.nodes("input", type="text")[index])
 
 
 def _enter_password(page: ShownPage) -> None:
@@ -289,9 +289,9 @@ def _spin(page: ShownPage) -> None:
 
 
 def _odd_or_even(page: ShownPage) -> None:
-    for place, node in enumerate(page.nodes(**{"class": "display-number"})):
+    for index, node in enumerate(page.nodes(**{"class": "display-number"})):
         name = "odd" if int(node.name) % 2 else "even"
-        page.click(page.nodes("button", **{"class": name})[place])
+        page.click(page.nodes("button", **{"class": name})[index])
     page.submit()
 
 

@@ -42,7 +42,7 @@ class PageLayer:
         self._page: BrowserPage | None = None
 
     def draw(self, plan: Plan, page: BrowserPage | None = None, scale: float = 0) -> str:
-        """Draw a plan in the place of the one before.
+        """Draw a plan, which replaces the one before.
 
         Args:
             plan: Of pastes only, for the size of the screen.
@@ -69,7 +69,7 @@ class PageLayer:
             picture: Of the screen since then, uint8 RGB `[H, W, 3]`.
         """
         drawing = self._browser.examine("agenthijackLayer.look()", self._page)
-        planned = [
+        planned_boxes = [
             (x, y, *reversed(render(op.sprite).size))
             for op in plan.ops
             if isinstance(op, Paste)
@@ -80,8 +80,8 @@ class PageLayer:
         area = min(int(drawing["area"][1]), height), min(int(drawing["area"][0]), width)
         pixels, difference = compare_painted(plan, picture, area)
         offset = 0.0
-        if len(boxes) == len(planned):
-            offset = float(np.abs(np.subtract(boxes, planned)).max(initial=0.0))
+        if len(boxes) == len(planned_boxes):
+            offset = float(np.abs(np.subtract(boxes, planned_boxes)).max(initial=0.0))
         facts = {
             "kind": "dom",
             "nodes": len(boxes),
@@ -93,8 +93,10 @@ class PageLayer:
         problem = ""
         if not drawing["shown"]:
             problem = "the page does not show the nodes"
-        elif len(boxes) != len(planned) or offset > MAX_OFFSET:
-            problem = f"{len(boxes)} of {len(planned)} nodes are there, off by {offset:.1f} pixels"
+        elif len(boxes) != len(planned_boxes) or offset > MAX_OFFSET:
+            problem = (
+                f"{len(boxes)} of {len(planned_boxes)} nodes are there, off by {offset:.1f} pixels"
+            )
         elif difference > MAX_DIFFERENCE:
             problem = f"pixels of the picture differ from those of the plan by up to {difference}"
         return Probe(not problem, facts, problem)

@@ -78,9 +78,9 @@ class PlaywrightBrowser(BrowserDesktop):
     def close(self) -> None:
         """Take everything of ours away; the browser is not ours to end."""
         self.set_wall(None)
-        for known in self._known.values():
-            if not known.page.is_closed():
-                known.devtools.detach()
+        for page in self._known.values():
+            if not page.page.is_closed():
+                page.devtools.detach()
         self._known.clear()
 
     # Pages
@@ -95,7 +95,7 @@ class PlaywrightBrowser(BrowserDesktop):
         """All pages; the last is in front."""
         front = self._get_front()
         self._order = [page for page in self._order if page is not front] + [front]
-        last = {page: place for place, page in enumerate(self._order)}
+        last = {page: index for index, page in enumerate(self._order)}
         pages = [page for page in self._context.pages if not page.is_closed()]
         return [self._find(page) for page in sorted(pages, key=lambda page: last.get(page, -1))]
 
@@ -134,24 +134,24 @@ class PlaywrightBrowser(BrowserDesktop):
 
     def show(self, page: BrowserPage) -> None:
         """Bring a page to the front."""
-        shown = cast("PlaywrightPage", page).page
-        shown.bring_to_front()
-        self._set_front(shown)
+        playwright_page = cast("PlaywrightPage", page).page
+        playwright_page.bring_to_front()
+        self._set_front(playwright_page)
 
     def close_page(self, page: BrowserPage) -> None:
         """Close a page; the one that was used before it comes to the front."""
         cast("PlaywrightPage", page).page.close()
-        other_pages = [other for other in self.pages if other is not page]
+        other_pages = [open_page for open_page in self.pages if open_page is not page]
         if other_pages:
             self.show(other_pages[-1])
 
     def tidy(self) -> None:
         """Close pages of ours that the agent has left; what it went to comes to the front."""
         front = self.front
-        left = [page for page in self.pages if page.is_cover and page is not front]
-        for page in left:
+        cover_pages = [page for page in self.pages if page.is_cover and page is not front]
+        for page in cover_pages:
             cast("PlaywrightPage", page).page.close()
-        if left:
+        if cover_pages:
             front.page.bring_to_front()
 
     def navigate(self, url: str, page: BrowserPage | None = None) -> None:
@@ -188,7 +188,7 @@ class PlaywrightBrowser(BrowserDesktop):
             self.call("Network.emulateNetworkConditions", page, **_network(offline))
 
     def set_wall(self, password: str | None) -> None:
-        """Put a sign-in page in the place of every page that is loaded, or take it away."""
+        """Show a sign-in page instead of every page that is loaded, or take it away."""
         if password is not None and self._wall is None:
             self._context.route("**/*", self._answer)
         if password is None and self._wall is not None:
@@ -208,12 +208,12 @@ class PlaywrightBrowser(BrowserDesktop):
     def _show_from_cover(self, source: Mapping[str, Any], target: str = "") -> None:
         """Answer a click on a button of our pages; called by Playwright."""
         cover = source["page"]
-        pages = [known for known in self._known.values() if not known.page.is_closed()]
-        behind = [known for known in pages if not known.is_cover]
-        chosen = next((known for known in behind if known.target == target), None)
-        chosen = chosen or next((known for known in reversed(behind)), None)
-        if chosen is not None and self._known[cover].is_cover:
-            self._set_front(chosen.page)
+        pages = [page for page in self._known.values() if not page.page.is_closed()]
+        behind = [page for page in pages if not page.is_cover]
+        next_page = next((page for page in behind if page.target == target), None)
+        next_page = next_page or next((page for page in reversed(behind)), None)
+        if next_page is not None and self._known[cover].is_cover:
+            self._set_front(next_page.page)
 
     def _answer(self, route: Any) -> None:
         """Answer a request while the wall is up."""

@@ -175,8 +175,8 @@ class BrowserSession:
         Raises:
             DesktopError: Chromium does not start.
         """
-        others = tuple(word for word in self._arguments if word != _PORT)
-        arguments = (*others, _PORT) if is_open else others
+        closed_arguments = tuple(word for word in self._arguments if word != _PORT)
+        arguments = (*closed_arguments, _PORT) if is_open else closed_arguments
         if arguments != self._arguments:
             self._arguments = arguments
             self._disconnect()
@@ -258,8 +258,8 @@ class BrowserSession:
             try:
                 if isolated:
                     world = {"frameId": page.target, "worldName": _WORLD}
-                    made = self.call("Page.createIsolatedWorld", page, **world)
-                    params["contextId"] = made["executionContextId"]
+                    isolated_world = self.call("Page.createIsolatedWorld", page, **world)
+                    params["contextId"] = isolated_world["executionContextId"]
                 result = self.call("Runtime.evaluate", page, returnByValue=True, **params)
                 break
             except DevToolsError:
@@ -367,7 +367,7 @@ class BrowserSession:
         return self._wall is not None
 
     def set_wall(self, password: str | None) -> None:
-        """Put a sign-in page in the place of every page that is loaded, or take it away.
+        """Show a sign-in page instead of every page that is loaded, or take it away.
 
         Args:
             password: The password that ends it; `None` takes it away.
@@ -412,14 +412,14 @@ class BrowserSession:
             if len(self.pages) > 1:  # the last window of a task stays
                 self.close_page(front)
         elif keys in _NEXT or keys in _PREVIOUS:
-            place = self._tabs.index(front.target) + (1 if keys in _NEXT else -1)
-            self._raise(self._tabs[place % len(self._tabs)])
+            index = self._tabs.index(front.target) + (1 if keys in _NEXT else -1)
+            self._raise(self._tabs[index % len(self._tabs)])
         elif keys == ("alt", "tab"):
             self._raise(self.pages[-2:][0].target)
         elif len(keys) == 2 and keys[0] == "ctrl" and keys[1] in "123456789":
-            place = len(self._tabs) if keys[1] == "9" else int(keys[1])
-            if place <= len(self._tabs):
-                self._raise(self._tabs[place - 1])
+            index = len(self._tabs) if keys[1] == "9" else int(keys[1])
+            if index <= len(self._tabs):
+                self._raise(self._tabs[index - 1])
         elif keys in _RELOAD:
             self.reload(front)
         elif keys in {("alt", "left"), ("alt", "right")}:
@@ -431,10 +431,10 @@ class BrowserSession:
     def _go(self, page: BrowserPage, offset: int) -> None:
         """Go back or forward in the history of a page; the empty page before the first is left."""
         history = self.call("Page.getNavigationHistory", page)
-        place = history["currentIndex"] + offset
-        if 1 <= place < len(history["entries"]):
+        index = history["currentIndex"] + offset
+        if 1 <= index < len(history["entries"]):
             page.is_loading = True
-            entry = history["entries"][place]["id"]
+            entry = history["entries"][index]["id"]
             self.call("Page.navigateToHistoryEntry", page, entryId=entry)
             self.wait_until_loaded()
 
@@ -444,12 +444,12 @@ class BrowserSession:
             page = next((page for page in self._pages if page.target == target), None)
             if page is None:
                 return
-            left = self._pages[-1]
+            previous = self._pages[-1]
             self._pages.remove(page)
             self._pages.append(page)
         self._devtools.send("Page.bringToFront", page.session)
-        if left.is_cover and left is not page:
-            self._devtools.send("Target.closeTarget", targetId=left.target)
+        if previous.is_cover and previous is not page:
+            self._devtools.send("Target.closeTarget", targetId=previous.target)
 
     def _forget(self, session: str) -> None:
         """Note that a page is gone; may be called in the reading thread."""
@@ -544,8 +544,8 @@ class BrowserSession:
         if wall is None:
             send("Fetch.continueRequest", session, requestId=number)
             return
-        given = parse_qs(request.get("postData", "")).get("password", [""])[0]
-        if given == wall:
+        password = parse_qs(request.get("postData", "")).get("password", [""])[0]
+        if password == wall:
             self._wall = None
             headers = [{"name": "Location", "value": request["url"]}]
             send(

@@ -28,11 +28,12 @@ _WINDOWS = (
 # A locker that is installed but not running reports neither state; in a new session it does so
 # after a moment.
 _LOCK = "\n".join(
-    f"command -v {one.name} >/dev/null 2>&1 && {one.able} && "
-    f"for i in {'1 2 3 4 5 6' if one.window else '1'}; do "
-    f"said=$(timeout 3 {one.query} 2>/dev/null); [ $? = {HANGS} ] && break; case $said in "
-    f"*{shlex.quote(one.on)}*|*{shlex.quote(one.off)}*) echo lock; break;; esac; sleep 0.3; done"
-    for one in LOCKERS
+    f"command -v {locker.name} >/dev/null 2>&1 && {locker.able} && "
+    f"for i in {'1 2 3 4 5 6' if locker.window else '1'}; do "
+    f"said=$(timeout 3 {locker.query} 2>/dev/null); [ $? = {HANGS} ] && break; case $said in "
+    f"*{shlex.quote(locker.on)}*|*{shlex.quote(locker.off)}*) echo lock; break;; "
+    "esac; sleep 0.3; done"
+    for locker in LOCKERS
 )
 _SCRIPT = f"export LC_ALL=C\n{SESSION_BUS}\n{_LOCK}\n{_WINDOWS}{_FIREWALL}true\n"
 

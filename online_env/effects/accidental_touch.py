@@ -135,16 +135,16 @@ class Touch(LiveEffect):
 def _look(guest: Guest, without_app: bool) -> _View:
     state = guest.x("state")
     frame = guest.desktop.screenshot()
-    found = live_elements(guest.desktop.accessibility(), guest.desktop.size, state["windows"])
-    elements = [element for element in found if _is_reachable(element, state)]
+    live = live_elements(guest.desktop.accessibility(), guest.desktop.size, state["windows"])
+    elements = [element for element in live if _is_reachable(element, state)]
     launchers: list[Element] = []
     panel_elements = [e for e in elements if _is_part_of_panel(e, state)] if without_app else []
     if panel_elements:
         applications = application_names(guest)
         titles = {window["title"].casefold() for window in state["windows"]}
         launchers = [e for e in panel_elements if launches_application(e, applications, titles)]
-    others = [element for element in elements if element not in launchers]
-    return _View(state, frame, others, launchers)
+    remaining = [element for element in elements if element not in launchers]
+    return _View(state, frame, remaining, launchers)
 
 
 def _is_reachable(element: Element, state: Mapping[str, Any]) -> bool:

@@ -117,13 +117,17 @@ class Freeze(LiveEffect):
         stopped = [process for process in stopped if process.state in STOPPED]
         _signal(guest, "CONT", stopped)
         numbers = {(process.pid, process.start) for process in stopped}
-        left = [
+        still_stopped = [
             process.name
             for process in _list_processes(guest)
             if (process.pid, process.start) in numbers and process.state in STOPPED
         ]
-        facts = {"continued": len(stopped) - len(left)}
-        return Undone(not left, facts, f"still stopped: {', '.join(left)}" if left else "")
+        facts = {"continued": len(stopped) - len(still_stopped)}
+        return Undone(
+            not still_stopped,
+            facts,
+            f"still stopped: {', '.join(still_stopped)}" if still_stopped else "",
+        )
 
     def in_words(self, facts: Mapping[str, Any]) -> str:
         """Return which window hangs, and how many processes are stopped."""

@@ -72,8 +72,8 @@ def check(
 
     A text among the results states what could not be checked, and why.
     """
-    declared = run_declared(kind)
-    yield declared
+    declaration = run_declared(kind)
+    yield declaration
     if not with_desktop:
         yield "apply, probe and undo: left out (--no-desktop)"
         return

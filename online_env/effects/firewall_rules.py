@@ -27,12 +27,12 @@ def _nft_chain(
     name: str, hook: str, device: str, address: str, interfaces: Sequence[str], hosts: Sequence[str]
 ) -> str:
     names = ", ".join(f'"{interface}"' for interface in interfaces)
-    allowed = [f"  {_nft_family(host)} {address} {host} accept\n" for host in hosts]
+    accept_rules = [f"  {_nft_family(host)} {address} {host} accept\n" for host in hosts]
     # Without neighbour discovery, a host that controls the guest over IPv6 could not be reached.
     neighbours = "  icmpv6 type { nd-neighbor-solicit, nd-neighbor-advert } accept\n"
     return (
         f" chain {name} {{\n  type filter hook {hook} priority -5; policy accept;\n"
-        f'  {device} "lo" accept\n{"".join(allowed)}{neighbours}  ct state established,related'
+        f'  {device} "lo" accept\n{"".join(accept_rules)}{neighbours}  ct state established,related'
         " accept\n"
         f"  {device} {{ {names} }} counter drop\n }}\n"
     )

@@ -55,7 +55,7 @@ class LaunchApp(LiveEffect):
             "active": before["active"],
         }
         is_tiled = bool(params.get("tile", True))
-        for name, command in _choices(guest, _wanted(params), before):
+        for name, command in _choices(guest, _applications(params), before):
             if self._launch(guest, record, before, name, command, is_tiled=is_tiled):
                 break
         return record
@@ -147,8 +147,8 @@ class LaunchApp(LiveEffect):
         window = facts["window"]
         stand_in = f" ({attempt['stand_in']})" if attempt["stand_in"] else ""
         x1, y1, x2, y2 = window["frame"]
-        place = f"x {x1}-{x2}, y {y1}-{y2}"
-        return f"a new window, {short(window['title'])}, is drawn at {place}{stand_in}"
+        area = f"x {x1}-{x2}, y {y1}-{y2}"
+        return f"a new window, {short(window['title'])}, is drawn at {area}{stand_in}"
 
     def undone_in_words(self, facts: Mapping[str, Any]) -> str:
         """Return that the window is closed, or why there was none."""
@@ -185,7 +185,7 @@ def _problems(window: _WindowData, record: EffectRecord) -> list[str]:
     return problems
 
 
-def _wanted(params: Mapping[str, Any]) -> list[str]:
+def _applications(params: Mapping[str, Any]) -> list[str]:
     names = [params.get("app"), *params.get("then", ())]
     if not all(isinstance(name, str) for name in names):
         raise EffectError(f"launch_app: app and then must name applications, got {names!r:.200}")

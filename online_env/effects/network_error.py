@@ -65,12 +65,12 @@ class Firewall(LiveEffect):
 
     def apply(self, guest: Guest, params: Mapping[str, Any]) -> EffectRecord:
         """Record which sites answer now, then close the network."""
-        allowed = _addresses(params)
+        allowed_addresses = _addresses(params)
         sites = _sites(params)
         tool, listing = self._tool(guest)
         facts = guest.net("survey", SITE_TIMEOUT_S, sites=sites)
         interfaces = [name for name in facts["interfaces"] if _INTERFACE.fullmatch(name)]
-        hosts = sorted({*allowed, *_controlling(facts["hosts"])})
+        hosts = sorted({*allowed_addresses, *_controlling(facts["hosts"])})
         is_closed = firewall_rules.TABLE in listing or firewall_rules.CHAINS["OUTPUT"] in listing
         before = [] if is_closed else _answering(facts["reached"])
         record: EffectRecord = {
@@ -207,9 +207,9 @@ def _addresses(params: Mapping[str, Any]) -> list[str]:
     try:
         return [address(text) for text in params.get("allow", ())]
     except (ValueError, TypeError) as error:
-        allowed = params.get("allow")
+        addresses = params.get("allow")
         raise EffectError(
-            f"firewall: allow must be a list of IP addresses, got {allowed!r:.200}: {error}"
+            f"firewall: allow must be a list of IP addresses, got {addresses!r:.200}: {error}"
         ) from None
 
 

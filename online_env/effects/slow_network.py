@@ -77,7 +77,7 @@ class SlowLink(LiveEffect):
         self.require(guest)
         facts = guest.net("survey", SITE_TIMEOUT_S, sites=SITES)
         interfaces = [name for name in facts["interfaces"] if _NAME.fullmatch(name)]
-        sites = [each for each in facts["reached"] if each["kind"] == "tcp" and each["ok"]]
+        sites = [answer for answer in facts["reached"] if answer["kind"] == "tcp" and answer["ok"]]
         already = _buckets(guest) > 0
         record: EffectRecord = {
             "rate": rate,

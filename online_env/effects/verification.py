@@ -85,22 +85,22 @@ class LockSession(LiveEffect):
         name = record.get("locker")
         locker = BY_NAME[name] if name else self._locker(guest)[0]
         if _active(guest, locker) is not True:
-            return self._left(guest, locker, "was not locked")
+            return self._report_unlock(guest, locker, "was not locked")
         typed = guest.keys("enter", text=guest.password)["typed"]
         if (
             typed
             and guest.shell(f"{_CLEAN}; {_wait(locker, locker.off)}", timeout=SHELL_TIMEOUT_S).ok
         ):
-            return self._left(guest, locker, "password")
+            return self._report_unlock(guest, locker, "password")
         guest.shell(
             f"{_CLEAN}; {locker.force}; {_wait(locker, locker.off, FORCED_UNLOCK_TIMEOUT_S)}",
             timeout=SHELL_TIMEOUT_S,
         )
-        return self._left(guest, locker, "force")
+        return self._report_unlock(guest, locker, "force")
 
     def refresh(self, guest: Guest, record: EffectRecord) -> None:
         """Wake the dialog again: after a minute without input the locker blanks the screen."""
-        if not _drawn(guest) and _active(guest, BY_NAME[record["locker"]]):
+        if not _is_drawn(guest) and _active(guest, BY_NAME[record["locker"]]):
             guest.keys("wake")
             self._wait_until_drawn(guest)
 
@@ -149,7 +149,7 @@ class LockSession(LiveEffect):
             f"the guest cannot lock its session: it has no locker; {REMEDY}"
         )
 
-    def _left(self, guest: Guest, locker: Locker, by: str) -> Undone:
+    def _report_unlock(self, guest: Guest, locker: Locker, by: str) -> Undone:
         """Return how the session was left, once its screen has had time to come back."""
         active = _active(guest, locker) is True
         end = time.monotonic() + FORCED_UNLOCK_TIMEOUT_S
@@ -168,13 +168,13 @@ class LockSession(LiveEffect):
     def _wait_until_drawn(self, guest: Guest) -> bool:
         end = time.monotonic() + LOCK_TIMEOUT_S
         while time.monotonic() < end:
-            if _drawn(guest):
+            if _is_drawn(guest):
                 return True
             time.sleep(0.05)
         return False
 
 
-def _drawn(guest: Guest) -> bool:
+def _is_drawn(guest: Guest) -> bool:
     picture = guest.desktop.screenshot()[::8, ::8].reshape(-1, 3)
     return len(np.unique(picture, axis=0)) > MIN_COLOURS
 

@@ -120,11 +120,11 @@ def _add_ridge(picture: Floats, ridge: Ridge, x: Floats, y: Floats) -> None:
 
 
 def _gradient(stops: tuple[Stop, ...], at: Floats) -> Floats:
-    places = [place for place, _ in stops]
+    positions = [position for position, _ in stops]
     channels: list[Floats] = []
     for i in range(3):
         values = [colour[i] for _, colour in stops]
-        channels.append(np.interp(at, places, values))
+        channels.append(np.interp(at, positions, values))
     return np.stack(channels, -1)
 
 

@@ -93,7 +93,7 @@ class DesktopSupply:
 
     def _collect(self, wait: bool) -> None:
         for handle in list(self._leaving):
-            if wait or handle.gone():
+            if wait or handle.has_ended():
                 handle.close()
                 self._leaving.remove(handle)
 

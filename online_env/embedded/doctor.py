@@ -146,13 +146,13 @@ def _modules() -> Finding:
 
 
 def _kernel() -> Finding:
-    place = Path(tempfile.mkdtemp(prefix="agenthijack-probe-"))
+    folder = Path(tempfile.mkdtemp(prefix="agenthijack-probe-"))
     try:
-        probe = _probed(_PROBE if os.geteuid() == 0 else _ROOTLESS_PROBE, str(place))
+        probe = _probed(_PROBE if os.geteuid() == 0 else _ROOTLESS_PROBE, str(folder))
     except subprocess.TimeoutExpired:
         return Finding("namespaces", False, _too_slow())
     finally:
-        place.rmdir()
+        folder.rmdir()
     if probe.returncode == 0:
         return Finding("namespaces", True, "namespaces and overlay mounts work")
     reason = (probe.stderr.strip().splitlines() or ["the probe said nothing"])[-1]

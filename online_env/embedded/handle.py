@@ -156,7 +156,7 @@ class Handle:
                 self._end = f"its keeper ended with exit code {self._keeper.returncode}"
         return self._end
 
-    def gone(self) -> bool:
+    def has_ended(self) -> bool:
         """Return whether the keeper has ended, and so has cleared up."""
         return self._keeper.poll() is not None
 

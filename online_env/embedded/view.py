@@ -130,7 +130,7 @@ class _Handler(BaseHTTPRequestHandler):
     def do_GET(self) -> None:
         parts = urlsplit(self.path)
         token = parse_qs(parts.query).get("token", [self.headers.get("X-Token", "")])[0]
-        if not self._allowed(token):
+        if not self._is_allowed(token):
             return
         if parts.path == "/":
             self._answer(200, self._viewer.page(), "text/html; charset=utf-8")
@@ -156,7 +156,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(413, b"too much input")
             return
         body = self.rfile.read(size)
-        if not self._allowed(self.headers.get("X-Token", "")):
+        if not self._is_allowed(self.headers.get("X-Token", "")):
             return
         if urlsplit(self.path).path == "/press":
             self._press(body)
@@ -197,7 +197,7 @@ class _Handler(BaseHTTPRequestHandler):
         except httpx.HTTPError as error:
             self._answer(502, f"the desktop does not answer: {error}".encode())
 
-    def _allowed(self, token: str) -> bool:
+    def _is_allowed(self, token: str) -> bool:
         # The Host check keeps other web sites from reaching us through a name of their own (DNS
         # rebinding).
         host = self.headers.get("Host", "").rpartition(":")[0]

@@ -221,7 +221,7 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
         episode = self._runner.episode
         if self.render_mode is None or episode is None or episode.view is None:
             return None
-        return episode.view.seen.copy()
+        return episode.view.picture.copy()
 
     def close(self) -> None:
         """Undo all effects, end the episode, and close the stage, which ends the desktop.
@@ -243,5 +243,5 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
 def _observation(episode: Episode) -> dict[str, Any]:
     if episode.view is None:
         raise HijackError("no episode is under way: call reset first")
-    picture: UInt8Array = episode.view.seen.copy()  # a copy, which the agent may modify
+    picture: UInt8Array = episode.view.picture.copy()  # a copy, which the agent may modify
     return {"screenshot": picture, "instruction": episode.instruction}

@@ -227,7 +227,9 @@ class Episode:
             self._counts.setting = stage.choose(request.task, request.seed)
         effects = self._script().plan(BEFORE).effects
         # What comes before them in the plan comes before them here, too.
-        ends = [place for place, each in enumerate(effects, 1) if find(each.kind).before_setup]
+        ends = [
+            number for number, effect in enumerate(effects, 1) if find(effect.kind).before_setup
+        ]
         return effects[: ends[-1]] if ends else ()
 
     def _set_up(self) -> None:

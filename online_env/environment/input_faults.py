@@ -100,7 +100,7 @@ def _prove(
     events: Sequence[Mapping[str, Any]],
     kinds: set[str],
     times: Sequence[int],
-    place: tuple[int, int] | None,
+    point: tuple[int, int] | None,
     result: RunResult,
 ) -> Probe:
     """Compare what the X server got with what the faults should let through.
@@ -109,7 +109,7 @@ def _prove(
         events: Those of pointer and keyboard, in their order.
         kinds: The kinds of the faults.
         times: How often each `repeat` repeats.
-        place: Where the sent code first presses a button; `None` if it does not say.
+        point: Where the sent code first presses a button; `None` if it does not say.
         result: What the machine answered.
     """
     names = [_name(event) for event in events]
@@ -122,11 +122,11 @@ def _prove(
         return Probe(True, {**facts, "failed": result.error[-MAX_ERROR_CHARS:]})
     if not downs:
         return Probe(False, facts, "the X server got no press of a button or key")
-    if "offset" in kinds and place is not None:
+    if "offset" in kinds and point is not None:
         first = next((event["at"] for event in downs if event["event"] == "button_down"), None)
         facts["at"] = first
-        if first != list(place):
-            return Probe(False, facts, f"the button went down at {first}, not at {list(place)}")
+        if first != list(point):
+            return Probe(False, facts, f"the button went down at {first}, not at {list(point)}")
     for count in times:
         part = len(names) // count
         if names != names[:part] * count:

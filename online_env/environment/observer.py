@@ -31,7 +31,7 @@ from .settle import Settled, wait_until_settled
 class EpisodeView:
     """One observation: the agent's picture, its plan, and the line of the log that it begins."""
 
-    seen: UInt8Array
+    picture: UInt8Array
     plan: Plan
     line: dict[str, Any]
 
@@ -110,7 +110,7 @@ class Observer:
         if effect_boxes is not None:
             facts["effect_boxes"] = effect_boxes.tolist()
         line = {"step": step, **frames, **facts, "seconds": seconds}
-        self.view = EpisodeView(seen=corrupted, plan=plan, line=line)
+        self.view = EpisodeView(picture=corrupted, plan=plan, line=line)
         self.channel.add(plan)
         seconds["corrupt"] = since(start)
         return problem

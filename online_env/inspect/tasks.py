@@ -92,9 +92,9 @@ def bench(
         UnknownNameError: There is no such task or corruption.
     """
     path = Path(config).expanduser()
-    loaded = load_bench(path.resolve() if path.exists() else config)
+    suite = load_bench(path.resolve() if path.exists() else config)
     benchmark = override(
-        loaded, task=_join_names(tasks), corruption=_join_names(corruptions), seeds=seeds
+        suite, task=_join_names(tasks), corruption=_join_names(corruptions), seeds=seeds
     )
     return inspect_task(benchmark, max_steps=max_steps, desktops=desktops, keep=keep)
 

@@ -155,13 +155,13 @@ def _zoom(session: Session, call: dict[str, Any], notes: list[str]) -> str:
 def _drop_older_pictures(keep: int) -> Any:
     """Return a function that replaces the pictures of older results by words."""
 
-    def sent(message_index: int, message_total: int, content: Any, hints: Any) -> Any:
+    def select_recent(message_index: int, message_total: int, content: Any, hints: Any) -> Any:
         keeps_all = hints.get("disable_computer_screenshot_truncation", False)
         if keeps_all or isinstance(content, str) or message_total - message_index <= keep:
             return content
         return [_without_picture(part) for part in content]
 
-    return sent
+    return select_recent
 
 
 def _without_picture(part: Any) -> Any:

@@ -191,11 +191,11 @@ def _check_no_other_files(folder: Path) -> None:
     Raises:
         HijackError: It holds something else.
     """
-    others = sorted(path.name for path in folder.glob("*") if not _is_ours(path))
-    if others:
+    foreign_files = sorted(path.name for path in folder.glob("*") if not _is_ours(path))
+    if foreign_files:
         raise HijackError(
-            f"{folder} holds {others[0]!r}, but no {INDEX}: it is no asset pack; give another"
-            " folder"
+            f"{folder} holds {foreign_files[0]!r}, but no {INDEX}: it is no asset pack; give"
+            " another folder"
         )
 
 

@@ -114,7 +114,7 @@ def record_assets(
         UnknownNameError: A kind or a look does not exist.
         DesktopError: No desktop starts at all.
     """
-    kinds_wanted = _known(only, picture_kinds(), "kind of picture")
+    kinds_wanted = _checked_names(only, picture_kinds(), "kind of picture")
     screens = list(sizes)
     styles = _looks(looks)
     pack = AssetPackWriter(folder, kinds_wanted, screens, styles)
@@ -146,7 +146,7 @@ def _added(pack: AssetPackWriter, picture: Picture, size: Size, look: str) -> st
     return f"{entry['id']}: {picture.made_by}"
 
 
-def _known(names: Iterable[str], choices: Sequence[str], noun: str) -> set[str]:
+def _checked_names(names: Iterable[str], choices: Sequence[str], noun: str) -> set[str]:
     """Return the names, or all of `choices` if none is given.
 
     Raises:
@@ -161,7 +161,7 @@ def _known(names: Iterable[str], choices: Sequence[str], noun: str) -> set[str]:
 
 def _looks(names: Iterable[str]) -> dict[str, Look | None]:
     """Return the looks of these names in the table's order; `None` is the golden home as it is."""
-    selection = _known(names, LOOK_NAMES, "look")
+    selection = _checked_names(names, LOOK_NAMES, "look")
     looks: dict[str, Look | None] = {GOLDEN: None}
     looks |= {look.name: look for look in LOOKS}
     return {name: look for name, look in looks.items() if name in selection}

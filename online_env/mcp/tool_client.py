@@ -8,7 +8,7 @@ from typing import Any
 from hijack_data.coords import CoordMap
 from hijack_data.elements.accessibility_nodes import (
     AccessibleNode,
-    box_from_place,
+    box_from_position,
     detect_platform,
     nodes_from_tree,
     parse_pair,
@@ -157,7 +157,7 @@ def describe_tree(xml: str, coords: CoordMap) -> str:
     for node in nodes_from_tree(xml):
         box = _node_box(node)
         name = " ".join((node.name or node.text).split())[:MAX_NAME_CHARS]
-        if box is None or not node.shown or not name:
+        if box is None or not node.visible or not name:
             continue
         if box[2] <= 0 or box[3] <= 0 or box[0] >= width or box[1] >= height:
             continue
@@ -166,9 +166,9 @@ def describe_tree(xml: str, coords: CoordMap) -> str:
             lines.append(f"... more than {MAX_NODES} elements")
             break
         states = " ".join(sorted(node.states & _SHOWN_STATES))
-        place = f"at ({(left + right) // 2}, {(top + bottom) // 2})"
+        centre = f"at ({(left + right) // 2}, {(top + bottom) // 2})"
         lines.append(
-            f"{node.role} {name!r} {place}, {right - left}x{bottom - top} {states}".rstrip()
+            f"{node.role} {name!r} {centre}, {right - left}x{bottom - top} {states}".rstrip()
         )
     return "\n".join(lines)
 
@@ -178,11 +178,11 @@ _SHOWN_STATES = frozenset({"focused", "checked", "selected", "expanded"})
 
 def _node_box(node: AccessibleNode) -> Box | None:
     platform = detect_platform(node)
-    place = parse_pair(node.attributes.get(platform.place, ""))
+    position = parse_pair(node.attributes.get(platform.position, ""))
     size = parse_pair(node.attributes.get(platform.size, ""))
-    if place is None or size is None or min(size) < 1:
+    if position is None or size is None or min(size) < 1:
         return None
-    return box_from_place(place, size)
+    return box_from_position(position, size)
 
 
 def action_code(function: str, *arguments: Any, **options: Any) -> str:

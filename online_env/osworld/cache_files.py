@@ -37,13 +37,13 @@ def list_cache_files(task: OsworldTask) -> list[CacheFile]:
     problems: list[str] = []
     files: dict[CacheFile, None] = {}
     for url, name, field in _pairs(task):
-        place = f"{task.path}: {field}"
+        location = f"{task.path}: {field}"
         if not _can_be_asked_for(url):
             rule = "the address must start with http:// or https://"
-            problems.append(f"{place}: {rule}, got {url!r}")
+            problems.append(f"{location}: {rule}, got {url!r}")
         elif not _plain(name):
             rule = "the file's name must stay in the task's folder"
-            problems.append(f"{place}: {rule}, got {name!r}")
+            problems.append(f"{location}: {rule}, got {name!r}")
         else:
             files[CacheFile(url, f"{task.id}/{name}")] = None
     if not _plain(task.id) or "/" in task.id:
@@ -76,8 +76,8 @@ def _pairs(task: OsworldTask) -> Iterator[tuple[Any, Any, str]]:
         "evaluator.postconfig": evaluator.get("postconfig", []),
     }
     for field, listed in steps.items():
-        for place, step in enumerate(listed):
-            yield from _step_files(step, f"{field}[{place}]")
+        for index, step in enumerate(listed):
+            yield from _step_files(step, f"{field}[{index}]")
     for key in ("result", "expected"):
         yield from _getter_files(evaluator.get(key), f"evaluator.{key}")
 
@@ -88,20 +88,20 @@ def _step_files(step: dict[str, Any], field: str) -> Iterator[tuple[Any, Any, st
     if step["type"] != "download":
         return
     files = cast("list[dict[str, Any]]", step["parameters"].get("files", []))
-    for place, entry in enumerate(files):
+    for index, entry in enumerate(files):
         url = entry.get("url")
         path = entry.get("path")
         name = None
         if _can_be_asked_for(url) and isinstance(path, str):
             number = uuid.uuid5(uuid.NAMESPACE_URL, url)
             name = f"{number}_{path.rpartition('/')[2]}"
-        yield url, name, f"{field}.parameters.files[{place}]"
+        yield url, name, f"{field}.parameters.files[{index}]"
 
 
 def _getter_files(value: Any, field: str) -> Iterator[tuple[Any, Any, str]]:
     if isinstance(value, list):
-        for place, item in enumerate(cast("list[Any]", value)):
-            yield from _getter_files(item, f"{field}[{place}]")
+        for index, item in enumerate(cast("list[Any]", value)):
+            yield from _getter_files(item, f"{field}[{index}]")
     elif isinstance(value, dict):
         getter = cast("dict[str, Any]", value)
         if getter.get("type") == "cloud_file":
@@ -120,5 +120,5 @@ def _cloud_files(getter: dict[str, Any], field: str) -> Iterator[tuple[Any, Any,
         yield None, None, field
     else:
         pairs = zip(cast("list[Any]", urls), cast("list[Any]", names), strict=True)
-        for place, (url, name) in enumerate(pairs):
-            yield url, name, f"{field}.path[{place}]"
+        for index, (url, name) in enumerate(pairs):
+            yield url, name, f"{field}.path[{index}]"

@@ -146,8 +146,8 @@ class OsworldEnv:
         if PROXIES in environment:
             environment[PROXIES] = os.path.abspath(environment[PROXIES])
         folder = settings.folder or settings.cache
-        for place in (settings.cache, folder):
-            place.mkdir(parents=True, exist_ok=True)
+        for path in (settings.cache, folder):
+            path.mkdir(parents=True, exist_ok=True)
         try:
             with log.open("ab") as errors:
                 self._process: subprocess.Popen[bytes] = subprocess.Popen(

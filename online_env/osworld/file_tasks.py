@@ -145,16 +145,16 @@ def task_class(path: str) -> type[OsworldFileTask]:
         ConfigError: The file cannot be read, or holds no task of OSWorld.
     """
     task = load_file(Path(path))
-    place = task.path.resolve()
+    file = task.path.resolve()
     body = {
         "name": task.id,
         "domain": task.domain,
         "apps": task.apps,
         "infeasible": "" if task.feasible else "OSWorld calls it infeasible",
         "file": task,
-        "source": {"path": str(place), "sha256": hashlib.sha256(read_regular(place)).hexdigest()},
+        "source": {"path": str(file), "sha256": hashlib.sha256(read_regular(file)).hexdigest()},
         "__module__": __name__,
-        "__qualname__": f"OsworldFileTask[{place}]",
+        "__qualname__": f"OsworldFileTask[{file}]",
     }
     return type("OsworldFileTask", (OsworldFileTask,), body)
 
@@ -330,12 +330,12 @@ class MachineTasks(OsworldTasks):
         Raises:
             DesktopError: It cannot be written.
         """
-        done = self._desktop.execute(["sh", "-c", MARK_EPISODE, "sh", EPISODE_MARK])
-        if not done.ok or not done.output.strip():
+        result = self._desktop.execute(["sh", "-c", MARK_EPISODE, "sh", EPISODE_MARK])
+        if not result.ok or not result.output.strip():
             raise DesktopError(
-                f"{EPISODE_MARK} can't be written in the guest: {done.error.strip()[-200:]}"
+                f"{EPISODE_MARK} can't be written in the guest: {result.error.strip()[-200:]}"
             )
-        return done.output.strip()
+        return result.output.strip()
 
 
 def _find(task: object, seed: int) -> OsworldFileTask:

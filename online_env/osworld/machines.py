@@ -252,13 +252,13 @@ class ResetByCommand:
             return self._address
         if not self._command:
             raise DesktopError(f"{self._name}: {NO_RESET}")
-        place = self._run() or self._name
-        self._address = _wait_for_guest(place, ANSWER_TIMEOUT_S)
+        address = self._run() or self._name
+        self._address = _wait_for_guest(address, ANSWER_TIMEOUT_S)
         return self._address
 
     def _run(self) -> str:
         try:
-            done = subprocess.run(
+            result = subprocess.run(
                 self._command,
                 shell=True,
                 capture_output=True,
@@ -273,12 +273,12 @@ class ResetByCommand:
             raise DesktopTimeoutError(
                 f"--reset-command for {self._name} took over {RESET_TIMEOUT_S:.0f} s"
             ) from None
-        if done.returncode != 0:
-            text = (done.stderr or done.stdout).strip()[-300:]
+        if result.returncode != 0:
+            text = (result.stderr or result.stdout).strip()[-300:]
             raise DesktopError(
-                f"--reset-command for {self._name} ended with exit code {done.returncode}: {text}"
+                f"--reset-command for {self._name} ended with exit code {result.returncode}: {text}"
             )
-        lines = done.stdout.strip().splitlines()
+        lines = result.stdout.strip().splitlines()
         return lines[-1] if lines and lines[-1].startswith("http://") else ""
 
 
@@ -305,10 +305,12 @@ def machine(
         fresh: Callable[[], Address] | None = None
         if is_address(name):
             fresh = ResetByCommand(name, settings.reset_command)
-            made = OSWorldSettings(cache, (width, height), password=password, options=options)
+            machine_settings = OSWorldSettings(
+                cache, (width, height), password=password, options=options
+            )
             _wait_for_guest(name, FIRST_ANSWER_TIMEOUT_S)
         else:
-            made = OSWorldSettings(
+            machine_settings = OSWorldSettings(
                 cache,
                 (width, height),
                 password=password,
@@ -316,15 +318,15 @@ def machine(
                 options=options,
                 folder=FOLDER,
             )
-        env = OsworldEnv(venv.find_python(folder), fresh, made, Path(scratch, LOG))
+        env = OsworldEnv(venv.find_python(folder), fresh, machine_settings, Path(scratch, LOG))
         with contextlib.closing(env):
             desktop = OsworldDesktop(env, password)
             desktop.machine_name = name
-            found = desktop.size
-            if found != size:
+            screen_size = desktop.size
+            if screen_size != size:
                 raise DesktopError(
-                    f"--vm {name}: its screen has {found[1]}x{found[0]} pixels, and the benchmark"
-                    f" {width}x{height}; change the machine's resolution, or desktop.size"
+                    f"--vm {name}: its screen has {screen_size[1]}x{screen_size[0]} pixels, and the"
+                    f" benchmark {width}x{height}; change the machine's resolution, or desktop.size"
                 )
             yield desktop
 

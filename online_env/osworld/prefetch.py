@@ -97,7 +97,7 @@ def prefetch(
             record = read_manifest(cache)
             download = _Download(cache, record, client, sleep)
             for number, item in enumerate(ordered, 1):
-                download.one(item, report)
+                download.fetch(item, report)
                 tell(number, len(ordered), item.path)
             if not report.failed:
                 shutil.rmtree(cache / PARTS_FOLDER, ignore_errors=True)
@@ -168,7 +168,7 @@ class _Download:
         self._client = client
         self._sleep = sleep
 
-    def one(self, item: CacheFile, report: PrefetchReport) -> None:
+    def fetch(self, item: CacheFile, report: PrefetchReport) -> None:
         """Fetch a file, unless it is there, and note in the report what came of it."""
         target = self._cache / item.path
         if self._is_there(item, target):

@@ -201,9 +201,9 @@ def _bad_evaluator(evaluator: Mapping[str, Any]) -> Iterator[str]:
     if not names or not all(isinstance(item, str) and item for item in names):
         yield f"evaluator.func: must be a name or a list of names, got {func!r}"
     for field in ("result", "expected"):
-        for place, row in enumerate(_as_list(evaluator.get(field))):
+        for index, row in enumerate(_as_list(evaluator.get(field))):
             if row and not isinstance(_object(row).get("type"), str):
-                yield f"evaluator.{field}[{place}]: must be an object with a `type`, got {row!r}"
+                yield f"evaluator.{field}[{index}]: must be an object with a `type`, got {row!r}"
     yield from _bad_steps(evaluator.get("postconfig", []), "evaluator.postconfig")
 
 
@@ -211,15 +211,15 @@ def _bad_steps(steps: object, field: str) -> Iterator[str]:
     if not isinstance(steps, list):
         yield f"{field}: must be a list of steps, got {steps!r}"
         return
-    for place, step in enumerate(cast(list[Any], steps)):
+    for index, step in enumerate(cast(list[Any], steps)):
         kind = _object(step).get("type")
         parameters = _object(step).get("parameters")
         if not isinstance(kind, str) or not isinstance(parameters, Mapping):
-            yield f"{field}[{place}]: must be an object with `type` and `parameters`, got {step!r}"
+            yield f"{field}[{index}]: must be an object with `type` and `parameters`, got {step!r}"
         elif kind == "download" and not _is_list_of_objects(_object(parameters).get("files", [])):
             files = _object(parameters).get("files")
             rule = "must be a list of objects with `url` and `path`"
-            yield f"{field}[{place}].parameters.files: {rule}, got {files!r}"
+            yield f"{field}[{index}].parameters.files: {rule}, got {files!r}"
 
 
 def _is_list_of_texts(value: object) -> bool:

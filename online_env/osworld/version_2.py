@@ -304,9 +304,9 @@ def _needs(module: ast.Module, constants: _Constants) -> Iterator[tuple[str, str
     if any(_INSTALLS.search(text) for text in _texts(module)):
         yield "software", "installed by its set-up"
     sizes = {name: constants.value(name) for name in ("instance_type", "volume_size")}
-    asked = [f"{name} {value}" for name, value in sizes.items() if value]
-    if asked:
-        yield "disk", ", ".join(asked)
+    requirements = [f"{name} {value}" for name, value in sizes.items() if value]
+    if requirements:
+        yield "disk", ", ".join(requirements)
 
 
 def _is_marked(word: str, mark: str) -> bool:

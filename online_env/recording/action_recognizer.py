@@ -44,18 +44,18 @@ class ActionRecognizer(Generic[View]):
     Args:
         look: Returns what is on the screen; called before the first event of each action is
             passed on.
-        done: Called with each action that is over: the view before it, and its pyautogui code.
+        on_action: Called with each action that is over: the view before it, and its pyautogui code.
         clock: Returns seconds.
     """
 
     def __init__(
         self,
         look: Callable[[], View],
-        done: Callable[[View, str], object],
+        on_action: Callable[[View, str], object],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._look = look
-        self._done = done
+        self._on_action = on_action
         self._clock = clock
         self._present: _OpenAction[View] | None = None
         # Modifiers that are down, and whether they were used with something.
@@ -81,7 +81,7 @@ class ActionRecognizer(Generic[View]):
         action = self._present
         self._present = None
         if action is not None:
-            self._done(action.view, _code(action))
+            self._on_action(action.view, _code(action))
 
     def _begin(self, kind: str, **fields: Any) -> None:
         self.flush()
@@ -100,31 +100,31 @@ class ActionRecognizer(Generic[View]):
         return action.fields
 
     def _down(self, event: Mapping[str, Any]) -> None:
-        place = (event["x"], event["y"])
+        point = (event["x"], event["y"])
         button = event.get("button", "left")
         fields = self._continued("press", DOUBLE_CLICK_S)
-        if fields and _is_another_click(fields, button, place):
+        if fields and _is_another_click(fields, button, point):
             fields["clicks"] += 1
         else:
-            self._begin("press", button=button, start=place, end=place, clicks=1)
+            self._begin("press", button=button, start=point, end=point, clicks=1)
 
     def _up(self, event: Mapping[str, Any]) -> None:
         action = self._present
         if action is None or action.kind != "press":
             return
-        place = (event["x"], event["y"])
+        point = (event["x"], event["y"])
         start = action.fields["start"]
-        action.fields["end"] = start if _near(place, start) else place
+        action.fields["end"] = start if _near(point, start) else point
         action.at = self._clock()
 
     def _scroll(self, event: Mapping[str, Any]) -> None:
-        place = (event["x"], event["y"])
+        point = (event["x"], event["y"])
         amount = event["amount"]
         fields = self._continued("scroll", MERGE_TIMEOUT_S)
-        if fields and fields["place"] == place and (fields["amount"] > 0) == (amount > 0):
+        if fields and fields["place"] == point and (fields["amount"] > 0) == (amount > 0):
             fields["amount"] += amount
         else:
-            self._begin("scroll", place=place, amount=amount)
+            self._begin("scroll", place=point, amount=amount)
 
     def _type(self, event: Mapping[str, Any]) -> None:
         fields = self._continued("type", MERGE_TIMEOUT_S)
@@ -150,11 +150,11 @@ class ActionRecognizer(Generic[View]):
             self._key(event)  # alone it opens a menu; the other modifiers do nothing alone
 
 
-def _is_another_click(fields: Mapping[str, Any], button: str, place: tuple[int, int]) -> bool:
+def _is_another_click(fields: Mapping[str, Any], button: str, point: tuple[int, int]) -> bool:
     """Return whether a press continues clicks on the same place, which were no drag."""
     if fields["button"] != button or fields["end"] != fields["start"]:
         return False
-    return _near(place, fields["start"])
+    return _near(point, fields["start"])
 
 
 def _near(first: tuple[int, int], second: tuple[int, int]) -> bool:

@@ -70,36 +70,38 @@ class Picture:
             "app": self.app,
             "box": list(self.box),
             "targets": targets,
-            "recover": self._moved(self.recover),
+            "recover": self._relative_action(self.recover),
             "made_by": self.made_by,
         }
         if self.opened_by is not None:
-            entry["opened_by"] = self._moved(self.opened_by)
+            entry["opened_by"] = self._relative_action(self.opened_by)
         return entry
 
     def _clipped(self, box: Sequence[int]) -> list[int]:
         """Return a box in pixels of the picture, clipped to it."""
         left, top, right, bottom = self.box
         limits = (right - left, bottom - top) * 2
-        moved = self._moved_box(box)
-        return [min(max(value, 0), limit) for value, limit in zip(moved, limits, strict=True)]
+        relative_box = self._relative_box(box)
+        return [
+            min(max(value, 0), limit) for value, limit in zip(relative_box, limits, strict=True)
+        ]
 
-    def _moved_box(self, box: Sequence[int]) -> list[int]:
+    def _relative_box(self, box: Sequence[int]) -> list[int]:
         left, top = self.box[:2]
         return [box[0] - left, box[1] - top, box[2] - left, box[3] - top]
 
-    def _moved(self, action: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    def _relative_action(self, action: Mapping[str, Any] | None) -> dict[str, Any] | None:
         """Return an action in pixels of the picture."""
         if action is None:
             return None
         left, top = self.box[:2]
-        moved = dict(action)
+        relative_action = dict(action)
         for key, corner in (("x", left), ("y", top), ("x2", left), ("y2", top)):
-            if key in moved:
-                moved[key] -= corner
-        if "target_box" in moved:
-            moved["target_box"] = self._moved_box(moved["target_box"])
-        return moved
+            if key in relative_action:
+                relative_action[key] -= corner
+        if "target_box" in relative_action:
+            relative_action["target_box"] = self._relative_box(relative_action["target_box"])
+        return relative_action
 
 
 def _contains(outer: Box, inner: Box) -> bool:

@@ -38,7 +38,7 @@ class RecordingDesktop:
         self._trajectory.add(RecordedView.of(self._stage), action, code)
         return self._desktop.run(code)
 
-    def done(self) -> None:
+    def finish(self) -> None:
         """Record the last screen."""
         self._trajectory.add(RecordedView.of(self._stage), Action("done"), "DONE")
 
@@ -67,7 +67,7 @@ def record_task(
     watched = RecordingDesktop(desktop, trajectory)
     task.setup(machine)
     task.oracle(tasks.Hand(cast("Desktop", watched)))
-    watched.done()
+    watched.finish()
     verdict = task.validate(machine)
     if not verdict.passed:
         raise DesktopError(

@@ -84,7 +84,7 @@ class PersonViewer(Viewer):
         self._stage = RecordingStage(desktop)
         self._trajectory = trajectory
         self._say = say
-        self.actions = ActionRecognizer(self._look, self._done)
+        self.actions = ActionRecognizer(self._look, self._record_step)
         self.guest: Any = _RecordingClient(self.guest, self.actions)
 
     def finish(self) -> None:
@@ -98,7 +98,7 @@ class PersonViewer(Viewer):
         frame = desktop.screenshot()
         return RecordedView(frame, visible_boxes(self._stage, desktop.accessibility()))
 
-    def _done(self, view: RecordedView, code: str) -> None:
+    def _record_step(self, view: RecordedView, code: str) -> None:
         try:
             action = parse_pyautogui(code, self._stage.desktop.size)
         except ActionError as error:

@@ -272,13 +272,13 @@ class RecordingStage:
         targets = self.targets(box, lambda owner: owner is not None and owner.id == top.id)
         return Picture(kind, app, box, pixels, made_by, targets, **extra)
 
-    def whole(
+    def whole_screen(
         self, kind: str, app: str, made_by: str, targets: Sequence[ClickTarget], **extra: Any
     ) -> Picture:
         """Return a picture of the whole screen; the arguments are those of `Picture`."""
         return Picture(kind, app, self.screen, self.settled(), made_by, targets, **extra)
 
-    def gone(self, number: int, timeout: float = 6.0) -> bool:
+    def wait_until_gone(self, number: int, timeout: float = 6.0) -> bool:
         """Return whether a window goes away within `timeout` seconds."""
         return bool(self.look("gone", number=number, timeout=timeout)["gone"])
 

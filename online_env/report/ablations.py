@@ -136,8 +136,8 @@ def _level(label: str, corruption: str) -> str:
 
 def _module_ablations(report: RunReport) -> Iterator[Ablation]:
     levels = tuple((label, label.replace("_", " ")) for label in report.labels)
-    for what, agents in (("modules", MODULES), ("onlookers", ONLOOKERS)):
+    for kind, agents in (("modules", MODULES), ("onlookers", ONLOOKERS)):
         for agent, variants in agents.items():
             series = tuple((name, text) for name, text in variants.items() if name in report.agents)
             if agent in report.agents and len(series) > 2:
-                yield Ablation(title=f"{what} of {agent}", levels=levels, series=series)
+                yield Ablation(title=f"{kind} of {agent}", levels=levels, series=series)

@@ -171,8 +171,8 @@ def _cell(key: str, line: Standing, ranking: Ranking) -> BoardCell:
         "average": BoardCell(text=formatting.percent(row.paper_average), order=row.paper_average),
         "steps": BoardCell(text=formatting.number(row.steps), order=row.steps),
         "usd": BoardCell(text=formatting.money(row.usd), order=row.usd),
-        "played": _played(line),
-        "run": BoardCell(text=line.place, order=line.place),
+        "played": _date_cell(line),
+        "run": BoardCell(text=line.path, order=line.path),
         "version": _text(line.run.versions.get(PACKAGE, "")),
     }
     if key in values:
@@ -185,14 +185,14 @@ def _cell(key: str, line: Standing, ranking: Ranking) -> BoardCell:
 def _success_cell(label: str, line: Standing, ranking: Ranking) -> BoardCell:
     if label not in ranking.labels:
         return BoardCell(text="")
-    place = ranking.labels.index(label)
-    text = line.values[place]
+    index = ranking.labels.index(label)
+    text = line.values[index]
     if not text:
         return BoardCell(text="")
-    return BoardCell(text=text, order=float(text), share=line.shares[place])
+    return BoardCell(text=text, order=float(text), share=line.shares[index])
 
 
-def _played(line: Standing) -> BoardCell:
+def _date_cell(line: Standing) -> BoardCell:
     created = line.run.created
     if created is None:
         return BoardCell(text="")

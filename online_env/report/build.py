@@ -75,7 +75,7 @@ def read_report(path: Path) -> RunReport:
         path,
         format=FORMAT,
         version=VERSION,
-        what="a report (hijack report RUNS --format json)",
+        description="a report (hijack report RUNS --format json)",
         error=ReportError,
     )
     return from_data(data, str(path))
@@ -109,7 +109,7 @@ def build_report(
     groups = scores.group_records(counted_records(run))
     cells = compute_cells(run, groups)
     agents = list(dict.fromkeys(cell.agent for cell in cells))
-    place = {(cell.agent, cell.corruption): number for number, cell in enumerate(cells)}
+    order = {(cell.agent, cell.corruption): number for number, cell in enumerate(cells)}
     measures = measure_changes(groups) if full else []
     equivalences = equivalence_tests(groups, margin) if full else []
     if reference and reference not in agents:
@@ -117,7 +117,7 @@ def build_report(
             f"--reference: {reference!r} is not in {run.folder}{suggest(reference, agents)}"
         )
     feasible, infeasible = feasible_and_not(run) if full else ([], [])
-    disturbed, lost = loss_causes(run, groups) if causes else ((), ())
+    disturbed, loss_rows = loss_causes(run, groups) if causes else ((), ())
     report = RunReport(
         run=identity,
         cells=tuple(cells),
@@ -125,11 +125,11 @@ def build_report(
         feasible=tuple(feasible),
         infeasible=tuple(infeasible),
         applications=tuple(app_successes(groups)),
-        measures=tuple(sorted(measures, key=lambda row: place[row.agent, row.corruption])),
-        equivalences=tuple(sorted(equivalences, key=lambda row: place[row.agent, row.corruption])),
+        measures=tuple(sorted(measures, key=lambda row: order[row.agent, row.corruption])),
+        equivalences=tuple(sorted(equivalences, key=lambda row: order[row.agent, row.corruption])),
         curves=tuple(severity_curves(identity, groups, reference)) if full else (),
         disturbed=tuple(disturbed),
-        causes=tuple(lost),
+        causes=tuple(loss_rows),
         parts=tuple(_parts(run)),
         reference=reference,
     )

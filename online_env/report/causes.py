@@ -54,7 +54,7 @@ class CauseRule(NamedTuple):
     cause: str
     meaning: str
     fields: str
-    test: Callable[["_Lost"], RuleOutcome]
+    test: Callable[["_LostCase"], RuleOutcome]
 
 
 @dataclass(frozen=True)
@@ -146,7 +146,7 @@ class _Episode:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Lost:
+class _LostCase:
     """A lost episode.
 
     Attributes:
@@ -180,30 +180,30 @@ class _Lost:
         return is_ended and self.episode.actions < self.clean.actions
 
 
-def _failed(lost: _Lost) -> RuleOutcome:
-    return lost.episode.record["status"] == "error", lost.episode.last_step
+def _failed(case: _LostCase) -> RuleOutcome:
+    return case.episode.record["status"] == "error", case.episode.last_step
 
 
-def _malformed(lost: _Lost) -> RuleOutcome:
-    if lost.episode.lines is None:
-        count = _count(lost.episode.record.get("malformed"))
-        return count > 0 and count >= lost.episode.actions, lost.start
-    wrong = [line["step"] for line in lost.late if line.get("error") is not None]
-    clean_share = _count(lost.clean.record.get("malformed")) / max(1, lost.clean.actions)
-    share = len(wrong) / max(1, len(lost.late))
+def _malformed(case: _LostCase) -> RuleOutcome:
+    if case.episode.lines is None:
+        count = _count(case.episode.record.get("malformed"))
+        return count > 0 and count >= case.episode.actions, case.start
+    wrong = [line["step"] for line in case.late if line.get("error") is not None]
+    clean_share = _count(case.clean.record.get("malformed")) / max(1, case.clean.actions)
+    share = len(wrong) / max(1, len(case.late))
     if not wrong or share < MALFORMED_SHARE or share <= clean_share:
         return NO
     return True, wrong[0]
 
 
-def _wrong_recovery(lost: _Lost) -> RuleOutcome:
-    recovery = lost.episode.recovery
+def _wrong_recovery(case: _LostCase) -> RuleOutcome:
+    recovery = case.episode.recovery
     if recovery.get("policy") == "reset" and recovery.get("false_alarms"):
-        return True, next((step for step, helped in lost.requests if not helped), None)
-    clean_points = [_point(word) for word in lost.clean.words]
-    if lost.clean.lines is None:
+        return True, next((step for step, helped in case.requests if not helped), None)
+    clean_points = [_point(word) for word in case.clean.words]
+    if case.clean.lines is None:
         return NO
-    for line in lost.late:
+    for line in case.late:
         point = _point(str(line.get("code") or ""))
         if point is None or not any(in_box(box, point) for box in _windows(line)):
             continue
@@ -212,43 +212,43 @@ def _wrong_recovery(lost: _Lost) -> RuleOutcome:
     return NO
 
 
-def _recovered_late(lost: _Lost) -> RuleOutcome:
-    helped = [step for step, is_helped in lost.requests if is_helped]
+def _recovered_late(case: _LostCase) -> RuleOutcome:
+    helped = [step for step, is_helped in case.requests if is_helped]
     if helped:
-        is_late = helped[0] > lost.start or lost.episode.record.get("ended") == "max_steps"
+        is_late = helped[0] > case.start or case.episode.record.get("ended") == "max_steps"
         return is_late, helped[0]
-    lasting = [entry["held_at_end"] for _, entry in lost.episode.effects if "held_at_end" in entry]
+    lasting = [entry["held_at_end"] for _, entry in case.episode.effects if "held_at_end" in entry]
     is_gone = bool(lasting) and not any(lasting)
-    return is_gone or bool(lost.episode.recovery.get("repaired")), None
+    return is_gone or bool(case.episode.recovery.get("repaired")), None
 
 
-def _never_saw(lost: _Lost) -> RuleOutcome:
-    if lost.episode.lines is None or lost.clean.lines is None:
+def _never_saw(case: _LostCase) -> RuleOutcome:
+    if case.episode.lines is None or case.clean.lines is None:
         return NO
-    words, clean_words = lost.episode.words, lost.clean.words
+    words, clean_words = case.episode.words, case.clean.words
     is_same = len(words) == len(clean_words) and all(map(_are_same, words, clean_words))
-    return is_same, lost.start
+    return is_same, case.start
 
 
-def _stopped_early(lost: _Lost) -> RuleOutcome:
-    return lost.ended_early, lost.episode.last_step
+def _stopped_early(case: _LostCase) -> RuleOutcome:
+    return case.ended_early, case.episode.last_step
 
 
-def _went_on(lost: _Lost) -> RuleOutcome:
-    recovery = lost.episode.recovery
+def _went_on(case: _LostCase) -> RuleOutcome:
+    recovery = case.episode.recovery
     if _count(recovery.get("requests")) > _count(recovery.get("false_alarms")):
-        return True, next((step for step, _ in lost.requests if step >= lost.start), None)
-    words, clean_words = lost.episode.words, lost.clean.words
-    start = lost.start
+        return True, next((step for step, _ in case.requests if step >= case.start), None)
+    words, clean_words = case.episode.words, case.clean.words
+    start = case.start
     if not 0 < start < min(len(words), len(clean_words)):
         return NO
     was_same = all(map(_are_same, words[:start], clean_words[:start]))
     return was_same and not _are_same(words[start], clean_words[start]), start
 
 
-def _out_of_steps(lost: _Lost) -> RuleOutcome:
-    is_out = lost.episode.record.get("ended") == "max_steps"
-    return is_out and lost.clean.record.get("ended") == "agent", lost.episode.last_step
+def _out_of_steps(case: _LostCase) -> RuleOutcome:
+    is_out = case.episode.record.get("ended") == "max_steps"
+    return is_out and case.clean.record.get("ended") == "agent", case.episode.last_step
 
 
 RULES = (
@@ -390,15 +390,15 @@ def find_lost(
                 continue
             count["lost"] += 1
             clean = _Episode(groups.last[agent, CLEAN][case], run.folder)
-            cause, step = _explain(_Lost(episode=episode, clean=clean, start=start))
+            cause, step = _explain(_LostCase(episode=episode, clean=clean, start=start))
             episodes.append(LostEpisode(record=record, cause=cause, turn=step))
     return [DisturbedCount(agent=agent, **count) for agent, count in counts.items()], episodes
 
 
-def _explain(lost: _Lost) -> tuple[str, int | None]:
+def _explain(case: _LostCase) -> tuple[str, int | None]:
     """Return the cause of a loss, and the step where the episode turned."""
     for rule in RULES:
-        applies, step = rule.test(lost)
+        applies, step = rule.test(case)
         if applies:
             return rule.cause, step
     return UNEXPLAINED, None
@@ -424,8 +424,13 @@ def _are_same(first: str, second: str) -> bool:
         return False
     pairs = ((before.point, after.point), (before.end, after.end))
     return all(
-        one == other or (one is not None and other is not None and _are_near(one, other))
-        for one, other in pairs
+        first_value == second_value
+        or (
+            first_value is not None
+            and second_value is not None
+            and _are_near(first_value, second_value)
+        )
+        for first_value, second_value in pairs
     )
 
 
@@ -452,14 +457,14 @@ def _point(code: str) -> Point | None:
 def _windows(line: Line) -> list[tuple[int, int, int, int]]:
     """Return the boxes of the pop-ups in an observation, in pixels of the screen."""
     operations = _objects(_mapping(line.get("plan")).get("ops"))
-    if any(each.get("op") != "paste" for each in operations):
+    if any(operation.get("op") != "paste" for operation in operations):
         return []  # the places are of a picture of another size
     try:
         return [
-            (x, y, x + each["sprite"]["size"][0], y + each["sprite"]["size"][1])
-            for each in operations
-            if each["sprite"].get("draw") == "window"
-            for x, y in each["at"]
+            (x, y, x + operation["sprite"]["size"][0], y + operation["sprite"]["size"][1])
+            for operation in operations
+            if operation["sprite"].get("draw") == "window"
+            for x, y in operation["at"]
         ]
     except (AttributeError, IndexError, KeyError, TypeError, ValueError):
         return []  # a damaged line, which `hijack verify` names

@@ -240,7 +240,7 @@ def read_certificate(path: Path) -> dict[str, Any]:
         path,
         format=FORMAT,
         version=VERSION,
-        what="a certificate (hijack certify RUN -o certificate.json)",
+        description="a certificate (hijack certify RUN -o certificate.json)",
         error=CertificateError,
     )
     data = {**_ABSENT, **data}
@@ -440,15 +440,15 @@ def _disturbances(run: Run, shares: Mapping[str, float]) -> Iterator[Disturbance
     entries = {label: (name, values) for label, name, values in corruption_entries(run.config)}
     for label, weight in shares.items():
         name, values = entries.get(label, (label, {}))
-        known = run.config.get("kind") != RESULTS  # another harness may have a name of ours
+        is_known = run.config.get("kind") != RESULTS  # another harness may have a name of ours
         try:
             find_corruption(name)
         except HijackError:
-            known = False
+            is_known = False
         yield Disturbance(
             condition=label,
-            corruption=name if known else None,
-            severity=severity_level(name, values) if known else None,
+            corruption=name if is_known else None,
+            severity=severity_level(name, values) if is_known else None,
             parameters=values,
             weight=weight,
         )

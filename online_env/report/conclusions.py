@@ -84,8 +84,8 @@ def _worst_loss(cells: Sequence[Cell], worst: Sequence[str]) -> str:
         return f"no corruption is worse than another, loses {_loss(cell)}"
     tied = [item for item in compared if item.delta == cell.delta]
     names = [item.corruption for item in tied]
-    each = " each" if len(tied) > 1 else ""
-    return f"worst under {join(names)}, loses {_loss(cell)}{each}"
+    suffix = " each" if len(tied) > 1 else ""
+    return f"worst under {join(names)}, loses {_loss(cell)}{suffix}"
 
 
 def _loss(cell: Cell) -> str:
@@ -109,8 +109,8 @@ def _significance(cells: Sequence[Cell]) -> str:
     gains = [cell for cell in cells if (cell.delta or 0.0) > TOLERANCE]
     if any(cell.p is None for cell in cells):
         return "whether this is chance is not known without scipy"
-    shown = sum(_is_shown(cell) for cell in losses)
-    parts = [_count_losses(len(losses), shown)] if losses else []
+    shown_count = sum(_is_shown(cell) for cell in losses)
+    parts = [_count_losses(len(losses), shown_count)] if losses else []
     shown_gains = [cell.corruption for cell in gains if _is_shown(cell)]
     if shown_gains:
         parts.append(f"does better than clean under {join(shown_gains)}, which is shown")
@@ -119,19 +119,19 @@ def _significance(cells: Sequence[Cell]) -> str:
     return ", ".join(parts)
 
 
-def _count_losses(losses: int, shown: int) -> str:
+def _count_losses(losses: int, shown_count: int) -> str:
     if losses == 1:
-        return "this only loss is shown" if shown else "this only loss may be chance"
-    if shown == losses:
+        return "this only loss is shown" if shown_count else "this only loss may be chance"
+    if shown_count == losses:
         return f"all {_number(losses)} losses are shown"
-    if not shown and losses == 2:
+    if not shown_count and losses == 2:
         return "neither of its two losses is shown, they may be chance"
-    if not shown:
+    if not shown_count:
         return f"none of its {_number(losses)} losses is shown, they may be chance"
-    verb = "is" if shown == 1 else "are"
+    verb = "is" if shown_count == 1 else "are"
     return (
-        f"{_number(shown)} of {_number(losses)} losses {verb} shown,"
-        f" {_number(losses - shown)} may be chance"
+        f"{_number(shown_count)} of {_number(losses)} losses {verb} shown,"
+        f" {_number(losses - shown_count)} may be chance"
     )
 
 

@@ -128,9 +128,9 @@ def compare(
         "tokens": tokens,
         "cost": cost,
     }
-    stated = {field: column for field, column in columns.items() if column is not None}
-    _check_columns(arrow.column_names, stated)
-    names = {field: stated.get(field, field) for field in FIELDS}
+    named_columns = {field: column for field, column in columns.items() if column is not None}
+    _check_columns(arrow.column_names, named_columns)
+    names = {field: named_columns.get(field, field) for field in FIELDS}
     present = {field: name for field, name in names.items() if name in arrow.column_names}
     check_columns_differ(present)
     run = merge_outcomes(
@@ -172,13 +172,13 @@ def _package(table: Any) -> str:
     return name if name in _PACKAGES else "pyarrow"
 
 
-def _check_columns(present: list[str], stated: Mapping[str, str]) -> None:
+def _check_columns(present: list[str], named_columns: Mapping[str, str]) -> None:
     """Check that a table has the columns that are stated or required.
 
     Raises:
         OutcomeError: it has not.
     """
-    required = {"task": "task", "score": "score"} | dict(stated)
+    required = {"task": "task", "score": "score"} | dict(named_columns)
     for field, column in required.items():
         if present.count(column) > 1:
             raise OutcomeError(f"the table has two columns {column!r}; rename one")

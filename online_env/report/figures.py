@@ -120,8 +120,8 @@ def _panel(
     return Panel(
         agent=agent,
         bars=tuple(bars),
-        ticks=tuple((_place(step, end), f"{100 * step:.0f}") for step in steps),
-        line=None if line is None else _place(line, end),
+        ticks=tuple((_x_position(step, end), f"{100 * step:.0f}") for step in steps),
+        line=None if line is None else _x_position(line, end),
         height=TOP + len(cells) * ROW + BOTTOM,
     )
 
@@ -135,7 +135,7 @@ def _success_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
         label=cell.corruption,
         kind=kind,
         y=y,
-        width=_place(cell.success or 0.0, end),
+        width=_x_position(cell.success or 0.0, end),
         low=_maybe(cell.ci_low, end),
         high=_maybe(cell.ci_high, end),
         mark=_maybe(cell.ceiling, end),
@@ -152,7 +152,7 @@ def _retention_bar(cell: Cell, kind: str, y: float, end: float) -> BarMark:
         label=cell.corruption,
         kind=kind,
         y=y,
-        width=_place(cell.retention or 0.0, end),
+        width=_x_position(cell.retention or 0.0, end),
         low=_maybe(cell.retention_low, end),
         high=WIDTH if unbounded else _maybe(cell.retention_high, end),
         is_open=unbounded or (cell.retention_high or 0.0) > end,
@@ -171,9 +171,9 @@ def _end(cells: Sequence[Cell]) -> float:
     return 1.5
 
 
-def _place(value: float, end: float) -> float:
+def _x_position(value: float, end: float) -> float:
     return round(WIDTH * min(max(value, 0.0), end) / end, 2)
 
 
 def _maybe(value: float | None, end: float) -> float | None:
-    return None if value is None else _place(value, end)
+    return None if value is None else _x_position(value, end)

@@ -217,8 +217,8 @@ def _corruption_error(
         if groups.scored.get((agent, label)) and groups.scored.get((reference, label))
     ]
     errors, reference_errors = (
-        sum(1 - float(np.mean(scores.score_lists(pair[place])[0])) for pair in shared)
-        for place in (0, 1)
+        sum(1 - float(np.mean(scores.score_lists(pair[index])[0])) for pair in shared)
+        for index in (0, 1)
     )
     return errors / reference_errors if reference_errors else None
 

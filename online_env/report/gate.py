@@ -313,8 +313,8 @@ def _check_writable(path: Path) -> None:
     if path.is_dir():
         raise HijackError(f"--junit {path}: is a folder; name a file")
     refuse_own_file(path, "--junit")
-    place = path.absolute().parent
-    while not place.exists():
-        place = place.parent
-    if not place.is_dir() or not os.access(place, os.W_OK | os.X_OK):
-        raise HijackError(f"--junit {path}: {place} is not a folder that can be written")
+    folder = path.absolute().parent
+    while not folder.exists():
+        folder = folder.parent
+    if not folder.is_dir() or not os.access(folder, os.W_OK | os.X_OK):
+        raise HijackError(f"--junit {path}: {folder} is not a folder that can be written")

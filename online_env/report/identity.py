@@ -74,7 +74,7 @@ def run_identity(run: Run) -> RunIdentity:
         tasks=_count_tasks(final),
         corruptions=names,
         settings=changed_parameters(config),
-        changed=tuple(_changed(config)),
+        changed=tuple(_changed_labels(config)),
         planned=run.planned,
         missing=run.missing,
         damaged=len(run.damaged),
@@ -131,14 +131,14 @@ def changed_parameters(config: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
 
     Labels of corruptions that are not installed here are left out.
     """
-    changed: dict[str, dict[str, Any]] = {}
+    changes: dict[str, dict[str, Any]] = {}
     for label, name, parameters in corruption_entries(config):
         with suppress(HijackError):
             default = make_corruption(name).params()
-            changed[label] = {
+            changes[label] = {
                 key: parameters[key] for key in parameters if default.get(key) != parameters[key]
             }
-    return changed
+    return changes
 
 
 def corruption_entries(config: Mapping[str, Any]) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
@@ -169,7 +169,7 @@ def severity_level(name: str, parameters: Mapping[str, Any]) -> int | None:
     return None
 
 
-def _changed(config: Mapping[str, Any]) -> Iterator[str]:
+def _changed_labels(config: Mapping[str, Any]) -> Iterator[str]:
     """Yield the labels of the nine whose parameters are not the paper's defaults."""
     settings = changed_parameters(config)
     for label, name, _ in _entries(config.get("corruptions")):

@@ -89,9 +89,9 @@ def _body(rows: Sequence[_Row], digits: int = 1) -> list[str]:
     lines: list[str] = []
     for agent, values in rows:
         cells = [_cell(value, digits) for value in values]
-        for place, value in enumerate(values):
-            if best and value is not None and value == best[place]:
-                cells[place] = rf"\textbf{{{cells[place]}}}"
+        for index, value in enumerate(values):
+            if best and value is not None and value == best[index]:
+                cells[index] = rf"\textbf{{{cells[index]}}}"
         lines.append(f"{_escape(agent)} & {' & '.join(cells)} \\\\")
     return lines
 

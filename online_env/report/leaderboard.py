@@ -53,7 +53,7 @@ class Standing:
         inputs: what the agent was given, in words; agents with other inputs have ranks of their
             own.
         rivals: how many agents of the setting with the same inputs have a rank, this one included.
-        place: of the run in the folder.
+        path: that of the run in the folder.
         run: its identity.
         row: the agent.
         worst: the labels under which it does worst, in words.
@@ -65,7 +65,7 @@ class Standing:
     reason: str
     inputs: str
     rivals: int
-    place: str
+    path: str
     run: RunIdentity
     row: AgentSummary
     worst: str
@@ -103,14 +103,14 @@ def read_reports(folder: Path) -> ReportFolder:
     reports: list[tuple[str, RunReport]] = []
     problems: list[str] = []
     for path in sorted(_find_paths(folder, problems)):
-        place = str(path.relative_to(folder))
+        path_in_folder = str(path.relative_to(folder))
         try:
             report = load_report(path)
         except HijackError as error:
             message = " ".join(str(error).split("\n"))
-            problems.append(message.replace(str(path), place))  # a page is read elsewhere
+            problems.append(message.replace(str(path), path_in_folder))  # a page is read elsewhere
         else:
-            reports.append((place, report))
+            reports.append((path_in_folder, report))
     reports = _without_duplicates(reports, problems)
     if not reports:
         message = f" ({problems[0]})" if problems else ""
@@ -124,8 +124,8 @@ def read_reports(folder: Path) -> ReportFolder:
 def rank_agents(folder: ReportFolder) -> list[Ranking]:
     """Return one ranking for each setting, the one with the most agents first."""
     groups: dict[str, list[tuple[str, RunReport]]] = {}
-    for place, report in folder.reports:
-        groups.setdefault(report.run.setting_sha256, []).append((place, report))
+    for path, report in folder.reports:
+        groups.setdefault(report.run.setting_sha256, []).append((path, report))
     rankings = [_make_ranking(group) for group in groups.values()]
     titles = _distinct_titles(rankings)
     named = [replace(ranking, title=title) for ranking, title in zip(rankings, titles, strict=True)]
@@ -136,11 +136,11 @@ def _distinct_titles(rankings: Sequence[Ranking]) -> list[str]:
     """Return a title for each setting: its suite, and the facts that tell it from others of it."""
     titles: list[str] = []
     for ranking in rankings:
-        rivals = [other for other in rankings if other.title == ranking.title]
+        rivals = [rival for rival in rankings if rival.title == ranking.title]
         differing = [
             fact
             for key, fact in ranking.facts.items()
-            if any(other.facts.get(key) != fact for other in rivals)
+            if any(rival.facts.get(key) != fact for rival in rivals)
         ]
         titles.append(", ".join([ranking.title, *differing]))
     return [
@@ -216,18 +216,18 @@ def _without_duplicates(
     fewest missing episodes counts; `problems` names the others.
     """
     best: dict[str, tuple[str, RunReport]] = {}
-    for place, report in reports:
-        key = report.run.head_sha256 or f"without a head: {place}"
+    for path, report in reports:
+        key = report.run.head_sha256 or f"without a head: {path}"
         earlier = best.get(key)
         if earlier is None:
-            best[key] = (place, report)
+            best[key] = (path, report)
             continue
         is_more = report.run.missing < earlier[1].run.missing
         (worse, _), (better, _) = (
-            (earlier, (place, report)) if is_more else ((place, report), earlier)
+            (earlier, (path, report)) if is_more else ((path, report), earlier)
         )
         if is_more:
-            best[key] = (place, report)
+            best[key] = (path, report)
         is_meant = bool(best[key][1].run.left_out)  # a report of the first seeds, as it says
         if earlier[1].cells != report.cells and not is_meant:
             problems.append(f"{worse}: is the run of {better}, with other episodes")
@@ -241,7 +241,7 @@ def _is_report(name: str) -> bool:
 def _make_ranking(group: Sequence[tuple[str, RunReport]]) -> Ranking:
     # A run that was broken off has fewer tasks, seeds and conditions than it was to have.
     fullest = min((report for _, report in group), key=lambda report: report.run.missing)
-    rows = [(place, report, row) for place, report in group for row in report.summaries]
+    rows = [(path, report, row) for path, report in group for row in report.summaries]
     rows.sort(key=lambda entry: _sort_key(entry[2]), reverse=True)
     reasons = [_unranked_reason(report, row) for _, report, row in rows]
     ranked: dict[str, list[float | None]] = {}
@@ -249,7 +249,7 @@ def _make_ranking(group: Sequence[tuple[str, RunReport]]) -> Ranking:
         if not reason:
             ranked.setdefault(_inputs(row), []).append(row.corrupted)
     lines: list[Standing] = []
-    for (place, report, row), reason in zip(rows, reasons, strict=True):
+    for (path, report, row), reason in zip(rows, reasons, strict=True):
         success = [_success(report, row.agent, label) for label in fullest.labels]
         rivals = ranked.get(_inputs(row), [])
         lines.append(
@@ -258,7 +258,7 @@ def _make_ranking(group: Sequence[tuple[str, RunReport]]) -> Ranking:
                 reason=reason,
                 inputs=_inputs(row),
                 rivals=len(rivals),
-                place=place,
+                path=path,
                 run=report.run,
                 row=row,
                 worst=", ".join(report.worst_corruptions(row.agent)),

@@ -79,9 +79,9 @@ def grouped_panel(report: RunReport, ablation: Ablation) -> GroupedPanel:
             bar = LevelBar(
                 number=number % COLOURS,
                 y=top + number * _BAR,
-                width=_place(cell.success),
-                low=None if cell.ci_low is None else _place(cell.ci_low),
-                high=None if cell.ci_high is None else _place(cell.ci_high),
+                width=_x_position(cell.success),
+                low=None if cell.ci_low is None else _x_position(cell.ci_low),
+                high=None if cell.ci_high is None else _x_position(cell.ci_high),
                 value=formatting.percent(cell.success),
                 title=f"{title}, 95 % {between}" if between else title,
             )
@@ -90,10 +90,10 @@ def grouped_panel(report: RunReport, ablation: Ablation) -> GroupedPanel:
         names=tuple(name for _, name in ablation.series),
         levels=tuple(levels),
         bars=tuple(bars),
-        ticks=tuple((_place(tick), f"{100 * tick:.0f}") for tick in _TICKS),
+        ticks=tuple((_x_position(tick), f"{100 * tick:.0f}") for tick in _TICKS),
         height=TOP + len(ablation.levels) * (group + _GAP) + BOTTOM,
     )
 
 
-def _place(share: float) -> float:
+def _x_position(share: float) -> float:
     return round(WIDTH * min(max(share, 0.0), 1.0), 2)

@@ -450,7 +450,12 @@ def from_data(data: object, source: str) -> RunReport:
         ReportError: the data are not a report, are of a newer version, or lack a field.
     """
     document = check_versioned(
-        data, format=FORMAT, version=VERSION, where=source, what="a report", error=ReportError
+        data,
+        format=FORMAT,
+        version=VERSION,
+        source=source,
+        description="a report",
+        error=ReportError,
     )
     values = {key: value for key, value in document.items() if key not in _EXTRA_KEYS}
     try:
@@ -461,7 +466,7 @@ def from_data(data: object, source: str) -> RunReport:
     return _make_dataclass(RunReport, values, source)
 
 
-def _make_dataclass(kind: type[T], data: object, place: str) -> T:
+def _make_dataclass(kind: type[T], data: object, location: str) -> T:
     """Return a dataclass made from JSON data, after checking every field.
 
     Raises:
@@ -469,23 +474,23 @@ def _make_dataclass(kind: type[T], data: object, place: str) -> T:
     """
     if not isinstance(data, dict):
         raise ReportError(
-            f"{place}: must be an object, got {short_repr(data)}; make the report again"
+            f"{location}: must be an object, got {short_repr(data)}; make the report again"
         )
     hints = get_type_hints(kind)
     names = {entry.name for entry in fields(kind)}  # type: ignore[arg-type]
     unknown = sorted(map(str, data.keys() - names))
     if unknown:
-        raise ReportError(f"{place}: unknown field {unknown[0]!r}; make the report again")
-    values = {key: _convert(hints[key], value, f"{place}: {key}") for key, value in data.items()}
+        raise ReportError(f"{location}: unknown field {unknown[0]!r}; make the report again")
+    values = {key: _convert(hints[key], value, f"{location}: {key}") for key, value in data.items()}
     for key, value in values.items():
-        _check_range(key, value, f"{place}: {key}")
+        _check_range(key, value, f"{location}: {key}")
     try:
         return kind(**values)
     except TypeError as error:
-        raise ReportError(f"{place}: {error}; make the report again") from None
+        raise ReportError(f"{location}: {error}; make the report again") from None
 
 
-def _check_range(key: str, value: object, place: str) -> None:
+def _check_range(key: str, value: object, location: str) -> None:
     """Check the content of a field that is used for ranking agents or drawing pages.
 
     Raises:
@@ -506,7 +511,7 @@ def _check_range(key: str, value: object, place: str) -> None:
     elif key == "settings" and not _holds_objects(value):
         problem = "must hold the parameters of each label"
     if problem:
-        raise ReportError(f"{place}: {problem}, got {short_repr(value)}; make the report again")
+        raise ReportError(f"{location}: {problem}, got {short_repr(value)}; make the report again")
 
 
 def _holds_objects(value: object) -> bool:
@@ -514,7 +519,7 @@ def _holds_objects(value: object) -> bool:
     return all(isinstance(item, dict) for item in parameters.values())
 
 
-def _convert(hint: Any, value: object, place: str) -> Any:
+def _convert(hint: Any, value: object, location: str) -> Any:
     """Convert a value to the type of its field.
 
     Raises:
@@ -522,23 +527,25 @@ def _convert(hint: Any, value: object, place: str) -> Any:
     """
     arguments = get_args(hint)
     if isinstance(hint, UnionType):
-        return None if value is None else _convert(arguments[0], value, place)
+        return None if value is None else _convert(arguments[0], value, location)
     if getattr(hint, "__origin__", None) is tuple:
         if not isinstance(value, list | tuple):
             raise ReportError(
-                f"{place}: must be a list, got {short_repr(value)}; make the report again"
+                f"{location}: must be a list, got {short_repr(value)}; make the report again"
             )
-        return tuple(_convert(arguments[0], item, place) for item in value)
+        return tuple(_convert(arguments[0], item, location) for item in value)
     if is_dataclass(hint):
-        return _make_dataclass(hint, value, place)  # type: ignore[arg-type]
+        return _make_dataclass(hint, value, location)  # type: ignore[arg-type]
     expected = getattr(hint, "__origin__", hint)
     if expected is float and isinstance(value, int) and not isinstance(value, bool):
         return float(max(-2 * MAX_AMOUNT, min(value, 2 * MAX_AMOUNT)))  # out of range stays so
     if isinstance(value, bool) or not isinstance(value, expected):
         name = getattr(expected, "__name__", expected)
         raise ReportError(
-            f"{place}: must be {name}, got {short_repr(value)}; make the report again"
+            f"{location}: must be {name}, got {short_repr(value)}; make the report again"
         )
     if isinstance(value, Mapping) and arguments and arguments[1] is not Any:
-        return {key: _convert(arguments[1], own, f"{place}: {key}") for key, own in value.items()}
+        return {
+            key: _convert(arguments[1], entry, f"{location}: {key}") for key, entry in value.items()
+        }
     return value

@@ -59,9 +59,9 @@ def guard_note(run: Run) -> Iterator[str]:
             if not isinstance(guard_record, dict):
                 continue
             settings[json.dumps(guard_record["settings"], sort_keys=True)] = None
-            for each in guard_record["interventions"]:
-                acts[each["kind"]] += bool(each["actions"])
-                reminders += not each["actions"]
+            for intervention in guard_record["interventions"]:
+                acts[intervention["kind"]] += bool(intervention["actions"])
+                reminders += not intervention["actions"]
                 false_alarms += record["corruption"] == CLEAN
         kinds = ", ".join(f"{kind}: {count}" for kind, count in acts.most_common() if count)
         listed = f" ({kinds})" if kinds else ""
@@ -161,11 +161,11 @@ def early_end_note(run: Run) -> Iterator[str]:
     bets, _, _ = settle_bets(run.config, run.episodes, run.records)
     stop = bets.stop(rule.retention, rule.confidence)
     tasks = f"{len(bets.clean) if stop is None else stop} of {len(run.config['tasks'])} tasks"
-    shown = "is shown" if stop is not None else "is not shown"
+    verdict = "is shown" if stop is not None else "is not shown"
     if stop is None and len(bets.clean) < len(run.config["tasks"]):
-        shown += " so far"
+        verdict += " so far"
     yield (
-        f"After {tasks} a retention above {rule.retention:g} {shown} with"
+        f"After {tasks} a retention above {rule.retention:g} {verdict} with"
         f" {100 * rule.confidence:g} % confidence, at which the run was to end: success and"
         " intervals here are of the tasks that it played; hijack certify has the bound."
     )
@@ -184,8 +184,8 @@ def partial_note(partial: int) -> Iterator[str]:
 def _notes(report: RunReport, partial: int) -> Iterator[str]:
     run = report.run
     if run.missing:
-        played = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
-        yield f"{played}, {run.missing} are missing; hijack {run.kind} ... --resume runs them."
+        progress = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
+        yield f"{progress}, {run.missing} are missing; hijack {run.kind} ... --resume runs them."
     if run.left_out:
         seeds = ", ".join(map(str, run.left_out))
         yield f"The run has more seeds than this report, which leaves out: {seeds}."
@@ -216,11 +216,11 @@ def _retention_notes(report: RunReport) -> Iterator[str]:
     above = [cell for cell in report.cells if cell.retention is not None and cell.retention > 1]
     if not above:
         return
-    shown = [cell for cell in above if cell.p is not None and cell.p < SIGNIFICANT_P]
+    shown_cells = [cell for cell in above if cell.p is not None and cell.p < SIGNIFICANT_P]
     listed = ", ".join(f"{cell.agent} under {cell.corruption}" for cell in above)
     verdict = (
-        f"the test shows {len(shown)} of {quantity(len(above), 'such gain')}"
-        if shown
+        f"the test shows {len(shown_cells)} of {quantity(len(above), 'such gain')}"
+        if shown_cells
         else "the test shows no such gain, so it may be chance"
     )
     yield (

@@ -10,6 +10,6 @@ def exit_code(run: Run) -> int:
 
 def missing_line(run: Run) -> str:
     """Return how many planned episodes have no record, and the remedy."""
-    played = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
+    progress = f"{run.planned - run.missing} of {run.planned} planned episodes are there"
     command = "score" if run.is_scored else "bench"
-    return f"{played}, {run.missing} are missing; hijack {command} ... --resume runs them"
+    return f"{progress}, {run.missing} are missing; hijack {command} ... --resume runs them"

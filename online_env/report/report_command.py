@@ -154,10 +154,10 @@ def report(
     if format == TERMINAL and out is None:
         terminal.show(run, reference or "", paper=paper, full=full, margin=share or MARGIN)
         raise SystemExit(_finish(run))
-    built = build_report(
+    run_report = build_report(
         run, reference=reference or "", margin=share or MARGIN, causes=full or format in WITH_CAUSES
     )
-    _write(_document(built, paper=paper, full=full), format, out)
+    _write(_document(run_report, paper=paper, full=full), format, out)
     raise SystemExit(_finish(run))
 
 
@@ -280,8 +280,8 @@ def _read(folder: Path, seeds: int | None = None) -> "Run":
     if seeds is not None:
         run = reading.with_first_seeds(run, seeds)
     for damage in run.damaged:
-        place = f"{folder / damage.file}:{damage.line}"
-        echo(f"hijack: {place}: skipped: {damage.problem}", err=True)
+        location = f"{folder / damage.file}:{damage.line}"
+        echo(f"hijack: {location}: skipped: {damage.problem}", err=True)
     if not run.records:
         command = "score" if run.is_scored else "bench"
         raise ReportError(

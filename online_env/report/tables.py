@@ -206,16 +206,16 @@ def disturbed_lines(report: RunReport) -> list[str]:
 
 def cause_table(report: RunReport) -> tuple[Texts, list[Texts]]:
     """Return headings and rows of the causes of lost episodes, and where these turned."""
-    lost = {row.agent: row.lost for row in report.disturbed}
+    lost_by_agent = {row.agent: row.lost for row in report.disturbed}
     rows: list[Texts] = []
-    for agent in lost:
+    for agent in lost_by_agent:
         for cause in CAUSES:
             causes = [row for row in report.causes if (row.agent, row.cause) == (agent, cause)]
             count = sum(row.n for row in causes)
             turns = [step for row in causes for step in row.turns]
             turned = f"{median(turns):g}" if turns else ""
             if count:
-                share = formatting.percent(count / lost[agent])
+                share = formatting.percent(count / lost_by_agent[agent])
                 rows.append((agent, cause, str(count), share, turned))
     return ("agent", "cause", "lost", "share, %", "turned at step (median)"), rows
 
@@ -288,16 +288,16 @@ def paper_rows(paper: PaperTable) -> tuple[Texts, list[Texts]]:
 def markdown_table(headings: Texts, rows: Sequence[Texts]) -> str:
     """Return a Markdown table; columns without a value are left out."""
     names, lines = without_empty_columns(headings, rows)
-    numbers = [all(_is_number(row[place]) for row in lines) for place in range(len(names))]
+    numbers = [all(_is_number(row[column]) for row in lines) for column in range(len(names))]
     rule = " | ".join("---:" if number else "---" for number in numbers)
     return "\n".join([_line(names), f"| {rule} |", *map(_line, lines)])
 
 
 def without_empty_columns(headings: Texts, rows: Sequence[Texts]) -> tuple[Texts, list[Texts]]:
     """Return a table without the columns in which no row has a value."""
-    columns = [place for place in range(len(headings)) if any(row[place] for row in rows)]
-    lines: list[Texts] = [[row[place] for place in columns] for row in rows]
-    return [headings[place] for place in columns], lines
+    columns = [column for column in range(len(headings)) if any(row[column] for row in rows)]
+    lines: list[Texts] = [[row[column] for column in columns] for row in rows]
+    return [headings[column] for column in columns], lines
 
 
 def _comparison_parts(comparison: RunComparison) -> list[str]:

@@ -133,9 +133,9 @@ def _show_short(report: RunReport, screen: Any, details: RunDetails) -> None:
     """Print what fits a screen: the conclusion, the losses with their p, and the caveats."""
     room = MAX_LINES - 1  # the last line says how to see the rest
     lines = [report_title(report), report_extent(report), "", *conclude(report)]
-    shown = _cut(lines, MAX_LINES // 3, screen.width)
-    _print_lines(shown, screen)
-    room -= _height(shown, screen.width)
+    excerpt = _cut(lines, MAX_LINES // 3, screen.width)
+    _print_lines(excerpt, screen)
+    room -= _height(excerpt, screen.width)
     table, is_whole = _short_table(report, screen, room - MIN_CAVEATS)
     screen.print("", table, sep="\n")
     room -= 1 + _table_height(table, screen)
@@ -145,14 +145,14 @@ def _show_short(report: RunReport, screen: Any, details: RunDetails) -> None:
     caveats = [
         formatting.shorten(line) for line in (*_p_note(report), *report.notes, *details.problems)
     ]
-    shown = _cut(caveats, room - 2, screen.width)
-    if shown:
-        _print_lines(["", *shown], screen)
+    excerpt = _cut(caveats, room - 2, screen.width)
+    if excerpt:
+        _print_lines(["", *excerpt], screen)
     has_infeasible = bool(report.infeasible) or details.has_infeasible
-    screen.print(f"\n--full: {_rest(is_whole, has_infeasible)}", soft_wrap=True)
+    screen.print(f"\n--full: {_full_form_contents(is_whole, has_infeasible)}", soft_wrap=True)
 
 
-def _rest(is_whole: bool, has_infeasible: bool) -> str:
+def _full_form_contents(is_whole: bool, has_infeasible: bool) -> str:
     """Return what only the full form has."""
     parts = [] if is_whole else ["success and retention of every cell"]
     if has_infeasible:
@@ -201,8 +201,8 @@ def loss_table(report: RunReport, agents: Sequence[str], labels: Sequence[str]) 
         for label in labels
     ]
     left_out = [
-        quantity(len(names), what)
-        for names, what in (
+        quantity(len(names), noun)
+        for names, noun in (
             (report.agents[len(agents) :], "agent"),
             (report.labels[len(labels) :], "condition"),
         )
@@ -239,10 +239,10 @@ def _cut(lines: Sequence[str], room: int, width: int) -> list[str]:
     """Return the first lines that fit, and a line that says how many do not."""
     if _height(lines, width) <= room:
         return list(lines)
-    shown: list[str] = []
-    while _height([*shown, lines[len(shown)]], width) < room:
-        shown.append(lines[len(shown)])
-    return [*shown, f"... and {len(lines) - len(shown)} more"]
+    head: list[str] = []
+    while _height([*head, lines[len(head)]], width) < room:
+        head.append(lines[len(head)])
+    return [*head, f"... and {len(lines) - len(head)} more"]
 
 
 def _show_full(report: RunReport, screen: Any, details: RunDetails) -> None:

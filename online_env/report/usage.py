@@ -26,10 +26,10 @@ def means(last: Iterable[ResultRecord], attempts: Iterable[ResultRecord]) -> dic
         last: The last attempt at each case.
         attempts: All attempts.
     """
-    counted = [record for record in last if counts(record)]
-    steps = [record["steps"] for record in counted if is_amount(record.get("steps"))]
-    seconds = [record["seconds"] for record in counted if is_amount(record.get("seconds"))]
-    broken = [record["malformed"] for record in counted if is_amount(record.get("malformed"))]
+    finished = [record for record in last if counts(record)]
+    steps = [record["steps"] for record in finished if is_amount(record.get("steps"))]
+    seconds = [record["seconds"] for record in finished if is_amount(record.get("seconds"))]
+    broken = [record["malformed"] for record in finished if is_amount(record.get("malformed"))]
     values: dict[str, Any] = {
         "steps": fmean(steps) if steps else None,
         "seconds": fmean(seconds) if seconds else None,

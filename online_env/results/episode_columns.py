@@ -194,21 +194,21 @@ class EpisodeColumns(Sequence[dict[str, Any]]):
             }
         return record
 
-    def take(self, chosen: npt.NDArray[np.bool_]) -> "EpisodeColumns":
-        """Return the episodes for which `chosen`, bool `[episodes]`, is true."""
-        position = np.cumsum(chosen) - 1
+    def take(self, mask: npt.NDArray[np.bool_]) -> "EpisodeColumns":
+        """Return the episodes for which `mask`, bool `[episodes]`, is true."""
+        position = np.cumsum(mask) - 1
         return EpisodeColumns(
             agents=self.agents,
             conditions=self.conditions,
             tasks=self.tasks,
-            agent=self.agent[chosen],
-            condition=self.condition[chosen],
-            task=self.task[chosen],
-            seed=self.seed[chosen],
-            score=self.score[chosen],
-            amounts={name: values[chosen] for name, values in self.amounts.items()},
+            agent=self.agent[mask],
+            condition=self.condition[mask],
+            task=self.task[mask],
+            seed=self.seed[mask],
+            score=self.score[mask],
+            amounts={name: values[mask] for name, values in self.amounts.items()},
             paired=self.paired,
-            problems={int(position[at]): why for at, why in self.problems.items() if chosen[at]},
+            problems={int(position[at]): why for at, why in self.problems.items() if mask[at]},
         )
 
     def rank_in_task(self, positions: Integers) -> Integers:
@@ -340,9 +340,9 @@ class CellScores(Mapping[PairKey, float]):
         """
         if earlier._columns is not self._columns:
             return None
-        place = np.full(self._case_count, -1, np.int64)
-        place[earlier._cases] = np.arange(len(earlier))
-        before = place[self._cases]
+        index_by_case = np.full(self._case_count, -1, np.int64)
+        index_by_case[earlier._cases] = np.arange(len(earlier))
+        before = index_by_case[self._cases]
         has_both = before >= 0
         return earlier.scores[before[has_both]], self.scores[has_both], self.tasks[has_both]
 

@@ -287,23 +287,25 @@ def grand_mean_interval(cells: Sequence[Scores], *, level: float = LEVEL) -> Int
     """
     if not cells:
         raise ParameterError("there are no cells to average")
-    place: dict[Hashable, int] = {}
+    index_by_task: dict[Hashable, int] = {}
     names_by_cell = [_distinct(tasks) for _, tasks in cells]
     for names in names_by_cell:
         for task in names:
-            place.setdefault(task, len(place))
-    weights = np.zeros(len(place))
-    effects = np.zeros(len(place))
+            index_by_task.setdefault(task, len(index_by_task))
+    weights = np.zeros(len(index_by_task))
+    effects = np.zeros(len(index_by_task))
     values: list[float] = []
     for (scores, tasks), names in zip(cells, names_by_cell, strict=True):
         cell = _by_task(scores, tasks)
-        rows = [place[task] for task in names]
+        rows = [index_by_task[task] for task in names]
         weights[rows] += cell.weights / len(cells)
         effects[rows] += cell.weights * (cell.means - cell.value) / len(cells)
         values.append(cell.value)
     tasks_told = _effective_tasks(weights)
     variance = float(effects @ effects) * tasks_told
-    return _interval(_Wilson(float(np.mean(values)), variance, len(place), tasks_told), level)
+    return _interval(
+        _Wilson(float(np.mean(values)), variance, len(index_by_task), tasks_told), level
+    )
 
 
 def check_scores(scores: Sequence[float], tasks: Sequence[Hashable]) -> None:
@@ -320,9 +322,9 @@ def check_scores(scores: Sequence[float], tasks: Sequence[Hashable]) -> None:
     values = np.asarray(scores, np.float64)
     wrong = np.flatnonzero(~((values >= 0) & (values <= 1)))  # NaN, too
     if wrong.size:
-        place = int(wrong[0])
+        index = int(wrong[0])
         raise ParameterError(
-            f"the score of task {tasks[place]!r} is {scores[place]!r}; scores are numbers from 0 to"
+            f"the score of task {tasks[index]!r} is {scores[index]!r}; scores are numbers from 0 to"
             " 1"
         )
 

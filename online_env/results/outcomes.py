@@ -136,7 +136,7 @@ class OutcomeReader(Protocol):
 
 def is_result(source: Path) -> bool:
     """Return whether a reader takes a source."""
-    return any(Lazy(place).load()().detect(source) for place in READERS.values())
+    return any(Lazy(reference).load()().detect(source) for reference in READERS.values())
 
 
 def find_reader(source: Path, name: str | None = None) -> OutcomeReader:
@@ -149,8 +149,8 @@ def find_reader(source: Path, name: str | None = None) -> OutcomeReader:
         if name not in READERS:
             raise OutcomeError(f"--from: no reader {name!r}{suggest(name, READERS)}")
         return Lazy(READERS[name]).load()()
-    for place in READERS.values():
-        reader: OutcomeReader = Lazy(place).load()()
+    for reference in READERS.values():
+        reader: OutcomeReader = Lazy(reference).load()()
         if reader.detect(source):
             return reader
     report = source / "report.json"
@@ -284,7 +284,7 @@ def merge_outcomes(
             "corruptions": sorted(conditions, key=lambda label: label != CLEAN),
             "merged": merged,
             "seeds_matched_in_order": list(reordered),
-            "versions": {name: sorted(used) for name, used in sorted(collected.versions.items())},
+            "versions": {name: sorted(users) for name, users in sorted(collected.versions.items())},
         },
         records=episodes,
     )
@@ -320,15 +320,15 @@ class _Collected:
                 amounts=outcome.amounts,
             )
             return
-        where = f"{outcome.agent} under {outcome.condition}"
+        condition = f"{outcome.agent} under {outcome.condition}"
         if outcome.version:
-            self.versions.setdefault(outcome.version, set()).add(where)
-        content, first = self._contents.setdefault(outcome.task, (outcome.content, where))
+            self.versions.setdefault(outcome.version, set()).add(condition)
+        content, first = self._contents.setdefault(outcome.task, (outcome.content, condition))
         if outcome.content != content:
             raise OutcomeError(
-                f"the task {outcome.task} is not the same for {where} as for {first}: its content"
-                f" is {outcome.content or 'not stated'} and {content or 'not stated'}; play both on"
-                " one version of the task, or name another column with --columns task="
+                f"the task {outcome.task} is not the same for {condition} as for {first}: its"
+                f" content is {outcome.content or 'not stated'} and {content or 'not stated'}; play"
+                " both on one version of the task, or name another column with --columns task="
             )
         self.columns.extend(
             agents=[outcome.agent],
@@ -461,13 +461,13 @@ def _merged_cells(episodes: EpisodeColumns, starts: Sequence[int]) -> list[str]:
     keys = episodes.agent.astype(np.int64) * len(episodes.conditions) + episodes.condition
     keys = keys * len(episodes.tasks) + episodes.task
     merged: dict[str, None] = {}
-    seen = np.zeros(0, np.int64)
+    earlier_cells = np.zeros(0, np.int64)
     for source in np.split(keys, starts[1:]) if len(starts) > 1 else ():
         cells = np.unique(source)
-        for cell in np.unique(np.intersect1d(cells, seen) // len(episodes.tasks)).tolist():
+        for cell in np.unique(np.intersect1d(cells, earlier_cells) // len(episodes.tasks)).tolist():
             agent, condition = divmod(cell, len(episodes.conditions))
             merged[f"{episodes.agents[agent]} under {episodes.conditions[condition]}"] = None
-        seen = np.union1d(seen, cells)
+        earlier_cells = np.union1d(earlier_cells, cells)
     return list(merged)
 
 
@@ -495,7 +495,7 @@ def _pair_tasks(
             for; or they share none.
         OutcomeError: no task is left.
     """
-    chosen = np.ones(len(episodes), np.bool_)
+    mask = np.ones(len(episodes), np.bool_)
     for agent, by_label in tasks.items():
         shared = _shared(by_label)
         base = by_label.get(CLEAN)
@@ -516,14 +516,14 @@ def _pair_tasks(
             raise OutcomeError("--common-tasks: the conditions share no task")
         if common_tasks:
             is_agent = episodes.agent == episodes.agents.index(agent)
-            chosen &= ~is_agent | np.isin(episodes.task, shared)
-    return episodes if chosen.all() else episodes.take(chosen)
+            mask &= ~is_agent | np.isin(episodes.task, shared)
+    return episodes if mask.all() else episodes.take(mask)
 
 
 def _shared(by_label: Mapping[str, TaskNumbers]) -> TaskNumbers:
     """Return the tasks that all conditions have."""
-    first, *others = by_label.values()
-    for numbers in others:
+    first, *further = by_label.values()
+    for numbers in further:
         first = np.intersect1d(first, numbers)
     return first
 
@@ -576,9 +576,9 @@ def _difference(
 ) -> str:
     """Return how the tasks of a condition differ from those of the clean one."""
     parts = [
-        f"{quantity(len(only), 'task')} only {where}"
+        f"{quantity(len(only), 'task')} only {condition}"
         f" ({shorten_list(sorted(episodes.tasks[number] for number in only.tolist()), 3)})"
-        for only, where in (
+        for only, condition in (
             (np.setdiff1d(numbers, base), f"under {label}"),
             (np.setdiff1d(base, numbers), "clean"),
         )

@@ -119,9 +119,9 @@ class Run:
     @cached_property
     def unplayed(self) -> tuple[str, ...]:
         """The ids in `episodes` without a record."""
-        played = {str(record.get("id")) for record in self.records}
-        played |= {first_id(record) for record in self.records}
-        return tuple(name for name in self.episodes if name not in played)
+        played_ids = {str(record.get("id")) for record in self.records}
+        played_ids |= {first_id(record) for record in self.records}
+        return tuple(name for name in self.episodes if name not in played_ids)
 
 
 def read(folder: Path) -> Run:

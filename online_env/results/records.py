@@ -194,8 +194,8 @@ def resume(
         run = read(folder)
         if run.damaged:
             broken = run.damaged[0]
-            place = f"{folder / RECORDS}:{broken.line}"
-            raise RunError(f"{place}: {broken.problem}; a damaged run cannot be resumed")
+            location = f"{folder / RECORDS}:{broken.line}"
+            raise RunError(f"{location}: {broken.problem}; a damaged run cannot be resumed")
         _adopt_episodes(folder, run, episodes)
         if made_by is not None:
             session = {**made_by, "versions": versions()}
@@ -291,18 +291,18 @@ def _chain_line(folder: Path, record: ResultRecord, before: bytes) -> bytes:
     return line.encode("utf-8", "backslashreplace")
 
 
-def difference(before: object, after: object, place: str = "") -> str:
+def difference(before: object, after: object, path: str = "") -> str:
     """Return the first difference of two JSON values in words, or "" if they are equal."""
     if before == after:
         return ""
     if isinstance(before, dict) and isinstance(after, dict):
         keys = {**before, **after}
         return _first_text(
-            difference(before.get(k), after.get(k), f"{place}.{k}".lstrip(".")) for k in keys
+            difference(before.get(k), after.get(k), f"{path}.{k}".lstrip(".")) for k in keys
         )
     if isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
         pairs = enumerate(zip(before, after, strict=True))
-        return _first_text(difference(old, new, f"{place}[{index}]") for index, (old, new) in pairs)
+        return _first_text(difference(old, new, f"{path}[{index}]") for index, (old, new) in pairs)
     texts = json.dumps(before), json.dumps(after)
     if (
         isinstance(before, list)
@@ -311,10 +311,8 @@ def difference(before: object, after: object, place: str = "") -> str:
     ):
         entries = _other_entries(before, after)
         if entries:
-            return f"{place} {entries}"
-    return (
-        f"{place} was {texts[0]:.{MAX_SETTING_CHARS}}, and is {texts[1]:.{MAX_SETTING_CHARS}} now"
-    )
+            return f"{path} {entries}"
+    return f"{path} was {texts[0]:.{MAX_SETTING_CHARS}}, and is {texts[1]:.{MAX_SETTING_CHARS}} now"
 
 
 def _other_entries(before: Sequence[object], after: Sequence[object]) -> str:

@@ -89,10 +89,10 @@ def mcnemar_by_task(
     # twice, or nothing.
     chances, first, dropped = np.ones(1), 0, 0.0
     for size in sizes[sizes > 0]:
-        moved = np.zeros(len(chances) + size)
-        moved[: len(chances)] += chances / 2
-        moved[size:] += chances / 2
-        chances = moved
+        convolved = np.zeros(len(chances) + size)
+        convolved[: len(chances)] += chances / 2
+        convolved[size:] += chances / 2
+        chances = convolved
         if len(chances) > MAX_TOTALS:  # thousands of tasks: without totals that do not happen
             likely = np.flatnonzero(chances > UNLIKELY)
             start, stop = int(likely[0]), int(likely[-1]) + 1
@@ -153,17 +153,17 @@ def detectable_effect(tasks: int, power: float, level: float) -> float:
     freedom = tasks - 1
     limit = student_t.quantile((1 + level) / 2, freedom)
 
-    def missed(effect: float) -> float:
+    def miss_probability(effect: float) -> float:
         shift = effect * sqrt(tasks)
         upper = student_t.noncentral_cdf(limit, freedom, shift)
         return upper - student_t.noncentral_cdf(-limit, freedom, shift)
 
     low, high = 0.0, 1.0
-    while missed(high) > 1 - power:
+    while miss_probability(high) > 1 - power:
         low, high = high, 2 * high
     while high - low > EFFECT_TOLERANCE:
         middle = (low + high) / 2
-        low, high = (middle, high) if missed(middle) > 1 - power else (low, middle)
+        low, high = (middle, high) if miss_probability(middle) > 1 - power else (low, middle)
     return high
 
 

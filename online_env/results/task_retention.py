@@ -63,12 +63,12 @@ def score_tasks(
         ParameterError: there is no such record.
     """
     labels = (CLEAN, *weights)
-    mine = [r for r in records if r["agent"] == agent and r["corruption"] in labels]
-    groups = scores.group_records(mine)
+    agent_records = [r for r in records if r["agent"] == agent and r["corruption"] in labels]
+    groups = scores.group_records(agent_records)
     positions: dict[str, int] = {}
     seeds: dict[tuple[Any, int], None] = {}
     cases: dict[tuple[str, tuple[Any, int]], scores.PairKey] = {}
-    for record in mine:
+    for record in agent_records:
         name = scores.task_name(record["task"], record.get("task_seed"))
         repeat = record.get("task_seed"), record["seed"]
         positions.setdefault(name, len(positions))
@@ -77,7 +77,7 @@ def score_tasks(
     if any(isinstance(variant, str) for variant, _ in seeds):  # steps of a recording, not repeats
         last = [groups.last.get((agent, label), {}) for label in labels]
         grid = [key for key, case in cases.items() if all(case in cell for cell in last)]
-        positions = {name: place for place, name in enumerate(dict.fromkeys(n for n, _ in grid))}
+        positions = {name: index for index, name in enumerate(dict.fromkeys(n for n, _ in grid))}
     else:
         grid = [(name, repeat) for name in positions for repeat in seeds]
     if not grid:

@@ -59,8 +59,8 @@ class ScoreDisplay:
             self._last_line_time = time.monotonic()
             rate = self._done / (self._last_line_time - self._start)
             remaining_s = (self._total - self._done) / rate
-            counted = f"{self._done}/{self._total} rows"
-            self._say(f"{agent}: {counted}, {rate:.1f} rows/s, {remaining_s:.0f} s left")
+            progress = f"{self._done}/{self._total} rows"
+            self._say(f"{agent}: {progress}, {rate:.1f} rows/s, {remaining_s:.0f} s left")
 
     def notice(self, text: str) -> None:
         """Show what a user should know."""

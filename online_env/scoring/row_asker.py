@@ -64,7 +64,7 @@ class RowAsker:
     Args:
         settings: how the rows are put.
         feed: the rows.
-        start: returns a running agent, also in the place of one that died.
+        start: returns a running agent, also to replace one that died.
 
     Raises:
         AgentStartError: the agent cannot be made.

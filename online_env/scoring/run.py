@@ -162,7 +162,7 @@ class ScoreRun:
             workers=self.settings.workers,
         )
 
-    def left(self, out: Path) -> dict[str, list[Case]]:
+    def remaining_cases(self, out: Path) -> dict[str, list[Case]]:
         """Return the cases of each agent that have no record yet."""
         keys_by_agent: dict[str, set[CaseKey]] = {}
         for record in records.read(out).records:

@@ -98,7 +98,7 @@ def _labels(text: str | None) -> tuple[str, ...] | None:
 
 
 def _score(run: ScoreRun, out: Path, screen: PrintableConsole) -> None:
-    remaining = run.left(out)
+    remaining = run.remaining_cases(out)
     total = sum(map(len, remaining.values()))
     screen.print(f"{total} rows to score ({_counts_text(remaining)})", markup=False)
     display = ScoreDisplay(total, screen)
@@ -126,23 +126,23 @@ def _rows(run: records.Run) -> list[dict[str, Any]]:
 
 def _print_plan(run: ScoreRun, as_json: bool) -> None:
     cases = run.cases
-    counted: dict[str, int] = {}
+    rows_by_label: dict[str, int] = {}
     for case in cases.cases:
-        counted[case.corruption] = counted.get(case.corruption, 0) + 1
-    planned = {
+        rows_by_label[case.corruption] = rows_by_label.get(case.corruption, 0) + 1
+    summary = {
         "question": run.settings.question,
         "agents": list(run.settings.agents),
-        "rows": counted,
+        "rows": rows_by_label,
         "total": len(cases.cases) * len(run.settings.agents),
         "unscored": cases.unscored,
         "unchanged": cases.unchanged,
         "unpaired": cases.unpaired,
     }
     if as_json:
-        echo(json.dumps(planned, indent=1))
+        echo(json.dumps(summary, indent=1))
         return
-    listed = ", ".join(f"{label} {count}" for label, count in counted.items())
-    echo(f"{planned['total']} rows for {', '.join(run.settings.agents)}: {listed}")
+    listed = ", ".join(f"{label} {count}" for label, count in rows_by_label.items())
+    echo(f"{summary['total']} rows for {', '.join(run.settings.agents)}: {listed}")
     if cases.unscored:
         echo(f"{cases.unscored} rows have an action of no known type and are not scored")
     if cases.unchanged:

@@ -125,25 +125,25 @@ class EpisodeDraws:
         if checked is None:
             checked = Stream(self._seed, _SEED, number).integer(0, 2**32 - 1)
         name = self._task(task, checked)
-        place = _checked_slot(slot)
-        if place is None:
-            place = 0 if is_drawn else self._next_slot(name, checked)
+        checked_slot = _checked_slot(slot)
+        if checked_slot is None:
+            checked_slot = 0 if is_drawn else self._next_slot(name, checked)
         if corruption is not None:
             label = self._label(corruption)
             return EpisodeChoice(
                 task=name,
                 seed=checked,
-                slot=place,
+                slot=checked_slot,
                 label=label,
                 planner=self.planners[label],
                 key="",
             )
-        worker = session if self._sampler.per == "worker" else place
+        worker = session if self._sampler.per == "worker" else checked_slot
         draw = self._sampler.draw(step=0, group=f"{name} s{checked}", slot=worker)
         return EpisodeChoice(
             task=name,
             seed=checked,
-            slot=place,
+            slot=checked_slot,
             # The sampler knows corruptions by their own names, the configuration may give others.
             label=self._labels.get(id(draw.planner), str(draw.label)),
             planner=draw.planner,

@@ -103,9 +103,9 @@ class RequestLimits:
             await self._app(scope, receive, send)
 
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
-        declared = dict(scope["headers"]).get(b"content-length", b"0")
+        length = dict(scope["headers"]).get(b"content-length", b"0")
         body = bytearray()
-        is_too_large = not declared.isdigit() or int(declared) > MAX_BODY_BYTES
+        is_too_large = not length.isdigit() or int(length) > MAX_BODY_BYTES
         is_incomplete = not is_too_large
         while is_incomplete:
             message = await receive()

@@ -162,7 +162,7 @@ def serve(
     )
     bench = on_machines(bench, vm, machines, vm_options, reset_command)
     bench = only_playable(bench, unplayable, lambda text: echo(text, err=True))
-    own_machines = 0 if bench.machines is None else len(bench.machines.each())
+    own_machines = 0 if bench.machines is None else len(bench.machines.single_machines())
     options = server.ServeOptions(
         bench=server.override_size(bench, size),
         desktops=desktops or own_machines or default_desktops(),

@@ -149,7 +149,7 @@ def stage_maker(bench: Bench, log: Path | None) -> StageMaker:
     if bench.machines is None:
         return lambda: open_stage(bench, log)
     waiting: SimpleQueue[MachineSettings] = SimpleQueue()
-    for settings in bench.machines.each():
+    for settings in bench.machines.single_machines():
         waiting.put(settings)
 
     @contextlib.contextmanager

@@ -196,7 +196,7 @@ class CarefulHand(Hand):
         self._may_be_outside = False
 
     def replace(self, text: str) -> None:
-        """Type a text in the place of what the focused field holds; do it again if it is wrong.
+        """Replace what the focused field holds by a text; do it again if it is wrong.
 
         A touch may have gone to another field meanwhile, or have put something else into this one.
         """

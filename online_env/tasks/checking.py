@@ -118,8 +118,8 @@ def _desktop_results(task: Task, desktop: "EmbeddedDesktop") -> Iterator[Result 
     task.setup(machine)
     yield Result("oracle", "the oracle does the task", _oracle_problem(task, machine))
     task.teardown(machine)
-    left = sorted(machine.snapshot().files.keys() - at_first.keys())
-    problem = f"teardown leaves {', '.join(left[:5])}" if left else ""
+    leftover_files = sorted(machine.snapshot().files.keys() - at_first.keys())
+    problem = f"teardown leaves {', '.join(leftover_files[:5])}" if leftover_files else ""
     yield Result("teardown", "teardown removes what the task added", problem)
 
 

@@ -129,10 +129,10 @@ def shared_family(classes: Mapping[str, type[Task]]) -> TaskFamily | None:
     if not names:
         return None
     family = load_family(names[0])
-    others = [name for name, task in classes.items() if task.family != names[0]]
-    if others:
+    strangers = [name for name, task in classes.items() if task.family != names[0]]
+    if strangers:
         raise ParameterError(
             f"--tasks: {family.title}'s tasks are played in its own environment,"
-            f" {shorten_list(others)} are not; make a run of each"
+            f" {shorten_list(strangers)} are not; make a run of each"
         )
     return family

@@ -65,21 +65,21 @@ class Hand:
         """
         deadline = time.monotonic() + self._timeout
         before: TreeNode | None = None
-        moved = False
+        has_scrolled = False
         pause = PAUSE
         while True:
             nodes = self.look()
             match = next((node for node in nodes if test(node)), None)
             # After scrolling, a node may still be sliding.
-            if match is not None and (not moved or match == before):
+            if match is not None and (not has_scrolled or match == before):
                 return match
             if time.monotonic() > deadline:
                 raise DesktopTimeoutError(_timeout_message(description, self._timeout, nodes))
             if match is None:
-                moved |= self._while_missing(nodes, meanwhile)
+                has_scrolled |= self._while_missing(nodes, meanwhile)
             before = match
             time.sleep(pause)
-            pause = PAUSE if moved else _next_pause(pause)
+            pause = PAUSE if has_scrolled else _next_pause(pause)
 
     def _while_missing(self, nodes: list[TreeNode], meanwhile: Callable[[], None] | None) -> bool:
         """Do what is done between two looks; return whether that may have moved the nodes."""
@@ -242,14 +242,14 @@ class Hand:
         self.run(f"pyautogui.hotkey({', '.join(map(repr, keys))})")
 
     def replace(self, text: str) -> None:
-        """Type a text in the place of what the focused field holds."""
+        """Replace what the focused field holds by a text."""
         self.press("ctrl", "a")
         self.type(text)
 
     def fill(
         self, name: Name, text: str, app: str = "", roles: Roles = ENTRIES, *, scroll: bool = False
     ) -> None:
-        """Click on a field and type a text in the place of what it holds."""
+        """Click on a field and replace what it holds by a text."""
         self.click(self.find(roles, name, app, scroll=scroll))
         self.find(roles, name, app, "focused")
         self.replace(text)

@@ -117,9 +117,9 @@ def end_process(desktop: Desktop, find: str, program_name: str, close: str = "")
     script = _END_SCRIPT.replace("FIND", find).replace("CLOSE_LOOKS", "300" if close else "1")
     script = script.replace("CLOSE", close or ":")
     # The last argument, which is the script's name, keeps a folder of this machine from running it.
-    left = commands.command(desktop, "sh", "-c", script, "kill").strip()
-    if left:
-        raise DesktopError(f"{program_name} (process {left}) does not end")
+    running = commands.command(desktop, "sh", "-c", script, "kill").strip()
+    if running:
+        raise DesktopError(f"{program_name} (process {running}) does not end")
 
 
 def _has_programs(desktop: Desktop) -> bool:

@@ -23,7 +23,7 @@ class MachineSettings:
     options: Mapping[str, str | bool] = field(default_factory=dict[str, "str | bool"])
     reset_command: str = ""
 
-    def each(self) -> "tuple[MachineSettings, ...]":
+    def single_machines(self) -> "tuple[MachineSettings, ...]":
         """Return settings of every single machine; addresses first, as they answer at once."""
         addresses = [name for name in self.vm if is_address(name)]
         providers = [name for name in self.vm if not is_address(name)] * self.count

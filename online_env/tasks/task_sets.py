@@ -91,12 +91,12 @@ def choose(domains: Mapping[str, str], lengths: Mapping[str, int], count: int) -
         for domain in sorted(remaining):
             tasks = remaining[domain]
             if tasks and len(chosen_tasks) < count:
-                chosen_tasks.append(tasks.pop(_place(turn, len(tasks))))
+                chosen_tasks.append(tasks.pop(_index_at_turn(turn, len(tasks))))
         turn += 1
     return sorted(chosen_tasks)
 
 
-def _place(turn: int, count: int) -> int:
+def _index_at_turn(turn: int, count: int) -> int:
     """Return which of `count` tasks, the shortest first, a domain gives at a turn."""
     places = (count // 2, count - 1, 0)
     return places[turn % len(places)]

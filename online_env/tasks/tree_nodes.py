@@ -65,5 +65,5 @@ def _node(node: AccessibleNode) -> TreeNode:
         name=node.attributes.get("name", ""),
         text=node.text,
         states=node.states,
-        box=node.box if node.shown else None,
+        box=node.box if node.visible else None,
     )

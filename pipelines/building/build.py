@@ -72,7 +72,7 @@ def build(
     requested.check()
     if requested.resume:
         check_loaded(parameters_in(Path(out)), os.fspath(out))
-    plan = _planned(source, Path(out), requested)
+    plan = _plan_build(source, Path(out), requested)
     items, steps = read_items(plan.sources, requested.limit, count=requested.progress is not None)
     meter = _Meter(requested.progress, plan.settings.variants, steps)
     if requested.dry_run:
@@ -80,7 +80,7 @@ def build(
     return plan.run(items, meter, engine)
 
 
-def _planned(
+def _plan_build(
     source: PathLike | Sequence[PathLike], out: Path, requested: BuildOptions
 ) -> "_BuildPlan":
     """Open the sources and check everything that can be checked before records are read."""
@@ -149,9 +149,9 @@ class _BuildPlan:
         """Write the dataset and return the report."""
         options = self.options
         parameters = manifest_parameters(self.settings, options, self.sources, self.splits)
-        with replacement_folder(self.out, options.overwrite) as place:
-            folder = OutFolder(place)
-            with folder.opened(parameters, options.resume):
+        with replacement_folder(self.out, options.overwrite) as folder_path:
+            folder = OutFolder(folder_path)
+            with folder.open(parameters, options.resume):
                 quarantine = Quarantine(folder.state, options.strict)
                 with closing(quarantine):
                     job = _Job(plan=self, folder=folder, quarantine=quarantine, meter=meter)
@@ -168,7 +168,7 @@ class _Job:
     quarantine: Quarantine
     meter: _Meter
     shards: dict[int, ShardRecord] = field(default_factory=dict[int, ShardRecord])
-    kept: int = 0
+    kept_shards: int = 0
 
     def run(self, tasks: Iterator[ShardTask], workers: int, engine: Engine) -> None:
         """Make the shards that do not exist yet."""
@@ -208,7 +208,7 @@ class _Job:
             not_applicable=counts["not_applicable"],
             dropped=counts["dropped"],
             shards=len(shards),
-            kept=self.kept,
+            kept=self.kept_shards,
             notes=(
                 *plan.notes,
                 *plan.sources.notes(),
@@ -223,7 +223,7 @@ class _Job:
             if record is None:
                 yield task
                 continue
-            self.kept += 1
+            self.kept_shards += 1
             self._take(record)
             self.meter(task.steps * self.plan.settings.variants)
 

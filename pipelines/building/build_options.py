@@ -220,8 +220,8 @@ def _config_values(config: ConfigLike | None) -> dict[str, Any]:
     """Return the options that a configuration sets."""
     if config is None:
         return {}
-    loaded = load_config(cast("Any", config))
-    return {**loaded.options, "corruptions": loaded.corruptions}
+    loaded_config = load_config(cast("Any", config))
+    return {**loaded_config.options, "corruptions": loaded_config.corruptions}
 
 
 def _check_count(name: str, value: object) -> None:

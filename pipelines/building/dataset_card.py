@@ -177,11 +177,13 @@ def _splits(manifest: Mapping[str, Any]) -> list[str]:
     )
     if "splits" not in parameters:
         return lines
-    counted: dict[str, list[int]] = {name: [0, 0, 0] for name in parameters["splits"]}
+    counts_by_split: dict[str, list[int]] = {name: [0, 0, 0] for name in parameters["splits"]}
     for shard in manifest["shards"]:
         split = Path(shard["file"]).name.partition("-")[0]
         totals = (shard["trajectories"], shard["steps"], shard["rows"])
-        counted[split] = [a + b for a, b in zip(counted[split], totals, strict=True)]
+        counts_by_split[split] = [
+            a + b for a, b in zip(counts_by_split[split], totals, strict=True)
+        ]
     return [
         *lines,
         (
@@ -193,7 +195,7 @@ def _splits(manifest: Mapping[str, Any]) -> list[str]:
         "|---|---:|---:|---:|---:|",
         *(
             f"| `{name}` | {parameters['splits'][name]:g} | {' | '.join(map(str, numbers))} |"
-            for name, numbers in counted.items()
+            for name, numbers in counts_by_split.items()
         ),
         "",
     ]

@@ -35,7 +35,7 @@ class _Entry:
     """One corruption as written, and where it begins, counted from 1."""
 
     name: str
-    place: int
+    position: int
     settings: dict[str, tuple[str, int]] = field(default_factory=dict[str, tuple[str, int]])
 
 
@@ -44,7 +44,7 @@ class _Item:
     """A part between separators, where it begins, counted from 1, and the separator after it."""
 
     text: str
-    place: int
+    position: int
     after: str
 
     @property
@@ -66,7 +66,7 @@ def parse(text: str) -> NamedPlanners:
     """Return the corruptions in a line.
 
     Raises:
-        BuildError: the line has a mistake; the message names its place.
+        BuildError: the line has a mistake; the message names its position.
         UnknownNameError: no corruption has such a name.
     """
     planners: dict[str, Planner] = {}
@@ -87,21 +87,21 @@ def parse(text: str) -> NamedPlanners:
 def _entries(text: str) -> Iterator[_Entry]:
     # yields the corruptions of a line with their settings as text
     entry: _Entry | None = None
-    closed = True  # whether the settings of `entry` have ended
+    is_closed = True  # whether the settings of `entry` have ended
     for item in _items(text):
-        if item.is_setting and entry is not None and not closed:
+        if item.is_setting and entry is not None and not is_closed:
             key, _, value = item.text.partition("=")
-            _set(entry, key, value, item.place)
+            _set(entry, key, value, item.position)
         elif item.is_setting:
             reason = f"{item.text!r} belongs to no corruption; write NAME:{item.text}"
-            raise _wrong(item.place, reason)
+            raise _wrong(item.position, reason)
         elif item.text:
             if entry is not None:
                 yield entry
             entry = _named(item)
-            closed = ":" not in item.text
+            is_closed = ":" not in item.text
         if item.after == ";":
-            closed = True
+            is_closed = True
     if entry is not None:
         yield entry
 
@@ -109,22 +109,22 @@ def _entries(text: str) -> Iterator[_Entry]:
 def _named(item: _Item) -> _Entry:
     """Return the corruption of `NAME`, or of `NAME:KEY=VALUE` with its first setting."""
     name, colon, setting = item.text.partition(":")
-    entry = _Entry(name.strip(), item.place)
+    entry = _Entry(name.strip(), item.position)
     if colon:
         key, sign, value = setting.partition("=")
-        place = item.place + item.text.index(":") + 1
-        _set(entry, key, value if sign else None, place)
+        position = item.position + item.text.index(":") + 1
+        _set(entry, key, value if sign else None, position)
     return entry
 
 
-def _set(entry: _Entry, key: str, value: str | None, place: int) -> None:
+def _set(entry: _Entry, key: str, value: str | None, position: int) -> None:
     name = key.strip()
     if value is None or not name:
         example = f"{entry.name}:{name or 'KEY'}=VALUE"
-        raise _wrong(place, f"a setting of {entry.name} must be KEY=VALUE, such as {example}")
+        raise _wrong(position, f"a setting of {entry.name} must be KEY=VALUE, such as {example}")
     if name in entry.settings:
-        raise _wrong(place, f"{entry.name}: {name!r} is given twice")
-    entry.settings[name] = value.strip(), place
+        raise _wrong(position, f"{entry.name}: {name!r} is given twice")
+    entry.settings[name] = value.strip(), position
 
 
 def _items(text: str) -> Iterator[_Item]:
@@ -160,23 +160,23 @@ def _planner(entry: _Entry) -> tuple[str, Planner]:
     make: Callable[..., Planner] = cls
     values: dict[str, Any] = {}
     label = cls.name
-    for key, (text, place) in entry.settings.items():
+    for key, (text, position) in entry.settings.items():
         if key == LABEL:
             label = text
         elif key == SEVERITY:
-            make = partial(cls.at, _severity(text, place))
+            make = partial(cls.at, _severity(text, position))
         else:
-            values[key] = _value(cls, key, text, place)
+            values[key] = _value(cls, key, text, position)
     try:
         return label, make(**values)
     except HijackError as error:
-        raise _wrong(entry.place, f"{entry.name}: {error}") from None
+        raise _wrong(entry.position, f"{entry.name}: {error}") from None
 
 
-def _value(cls: type[Corruption], key: str, text: str, place: int) -> Any:
-    allowed = (*params.parameters(cls), SEVERITY, LABEL)
-    if key not in allowed:
-        raise _wrong(place, f"{cls.name} has no parameter {key!r}{suggest(key, allowed)}")
+def _value(cls: type[Corruption], key: str, text: str, position: int) -> Any:
+    keys = (*params.parameters(cls), SEVERITY, LABEL)
+    if key not in keys:
+        raise _wrong(position, f"{cls.name} has no parameter {key!r}{suggest(key, keys)}")
     check_names(cls, {key: None})
     parameter, _ = params.parameters(cls)[key]
     if parameter.kind in _TEXTS:
@@ -184,7 +184,7 @@ def _value(cls: type[Corruption], key: str, text: str, place: int) -> Any:
     try:
         return yaml.safe_load(text)
     except yaml.YAMLError:
-        raise _wrong(place, f"{key}: {text!r} cannot be read as {parameter.accepts}") from None
+        raise _wrong(position, f"{key}: {text!r} cannot be read as {parameter.accepts}") from None
 
 
 def _unquoted(text: str) -> str:
@@ -192,16 +192,16 @@ def _unquoted(text: str) -> str:
     return text[1:-1] if is_quoted else text
 
 
-def _severity(text: str, place: int) -> int:
+def _severity(text: str, position: int) -> int:
     if text not in ("1", "2", "3", "4", "5"):
-        raise _wrong(place, f"severity must be 1 to 5, got {text!r}")
+        raise _wrong(position, f"severity must be 1 to 5, got {text!r}")
     return int(text)
 
 
 def _refuse_settings(entry: _Entry) -> None:
     if entry.settings:
-        raise _wrong(entry.place, f"{entry.name!r} takes no settings")
+        raise _wrong(entry.position, f"{entry.name!r} takes no settings")
 
 
-def _wrong(place: int, reason: str) -> BuildError:
-    return BuildError(f"corruptions, at character {place}: {reason}")
+def _wrong(position: int, reason: str) -> BuildError:
+    return BuildError(f"corruptions, at character {position}: {reason}")

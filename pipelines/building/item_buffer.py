@@ -29,13 +29,13 @@ def read_items(
     items = chain([first], items)
     if not count:
         return items, 0
-    buffered, steps = _counted(items)
+    buffered, steps = _buffer_items(items)
     if buffered is None:
         return sources.read(limit), steps
     return _drained(buffered), steps
 
 
-def _counted(items: Iterator[SourceItem]) -> tuple[deque[SourceItem] | None, int]:
+def _buffer_items(items: Iterator[SourceItem]) -> tuple[deque[SourceItem] | None, int]:
     """Return the items (`None` if there are too many to keep), and the number of steps."""
     buffered: deque[SourceItem] | None = deque()
     size = 0

@@ -35,7 +35,7 @@ def parameters_in(path: Path) -> dict[str, Any]:
 
 
 class OutFolder:
-    """The folder to which a build writes. Use it inside `opened`."""
+    """The folder to which a build writes. Use it inside `open`."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -43,7 +43,7 @@ class OutFolder:
         self._records: dict[int, ShardRecord] = {}
 
     @contextmanager
-    def opened(self, parameters: Mapping[str, Any], resume: bool) -> Iterator[None]:
+    def open(self, parameters: Mapping[str, Any], resume: bool) -> Iterator[None]:
         """Lock the folder for one build.
 
         Args:

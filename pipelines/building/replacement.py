@@ -31,10 +31,10 @@ def replacement_folder(out: Path, overwrite: bool) -> Iterator[Path]:
     if not overwrite or not _is_filled(out):
         yield out
         return
-    place = out.resolve()
-    _check(place, out)
-    fresh = place.with_name(f".{place.name}.new")
-    old = place.with_name(f".{place.name}.old")
+    target = out.resolve()
+    _check(target, out)
+    fresh = target.with_name(f".{target.name}.new")
+    old = target.with_name(f".{target.name}.old")
     if _is_filled(fresh):
         _check(fresh, fresh)
         shutil.rmtree(fresh)
@@ -43,22 +43,22 @@ def replacement_folder(out: Path, overwrite: bool) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(fresh, ignore_errors=True)
         raise
-    _swap(fresh, place, old)
+    _swap(fresh, target, old)
 
 
-def _swap(fresh: Path, place: Path, old: Path) -> None:
+def _swap(fresh: Path, target: Path, old: Path) -> None:
     try:
         shutil.rmtree(old, ignore_errors=True)
-        place.rename(old)
+        target.rename(old)
         try:
-            fresh.rename(place)
+            fresh.rename(target)
         except OSError:
-            old.rename(place)
+            old.rename(target)
             raise
     except OSError as error:
         reason = error.strerror or error
         raise BuildError(
-            f"{place}: cannot be replaced ({reason}); the new dataset is {fresh}"
+            f"{target}: cannot be replaced ({reason}); the new dataset is {fresh}"
         ) from None
     shutil.rmtree(old, ignore_errors=True)
 

@@ -98,9 +98,9 @@ def manifest_parameters(
         "libraries": libraries(settings.detect),
         "assets": pack_identity(settings),
     }
-    loaded = loaded_file_entries(planners.values())
-    if loaded:
-        parameters[LOADED] = loaded
+    file_entries = loaded_file_entries(planners.values())
+    if file_entries:
+        parameters[LOADED] = file_entries
     if settings.allow_platform_mismatch:
         parameters[ALLOW_PLATFORM_MISMATCH] = True
     parameters |= splits.parameters()
@@ -181,9 +181,9 @@ def _settings_from(parameters: Mapping[str, Any]) -> RowSettings | None:
     )
 
 
-def _check_word(name: str, word: object, allowed: tuple[str, ...]) -> None:
-    if word not in allowed:
-        raise BuildError(f"{name} {word!r} is not known{suggest(word, allowed)}")
+def _check_word(name: str, word: object, words: tuple[str, ...]) -> None:
+    if word not in words:
+        raise BuildError(f"{name} {word!r} is not known{suggest(word, words)}")
 
 
 def _asset_folder(options: BuildOptions) -> str | None:

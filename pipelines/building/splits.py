@@ -50,11 +50,11 @@ class Splits:
                 " splits out"
             )
         digest = hashlib.sha256(f"split:{episode}".encode()).digest()
-        place = int.from_bytes(digest[:8], "big") / 2**64
+        fraction = int.from_bytes(digest[:8], "big") / 2**64
         end = 0.0
         for name, share in self.shares.items():
             end += share
-            if place < end:
+            if fraction < end:
                 return name
         return self.names[-1]
 

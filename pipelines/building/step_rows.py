@@ -103,9 +103,9 @@ class RowCounts:
         reasons = self.not_applicable.setdefault(label, Counter())
         reasons[re.sub(r"\d+", "N", reason)] += 1
 
-    def reject(self, file: str, place: str, field: str, error: Exception) -> None:
+    def reject(self, file: str, location: str, field: str, error: Exception) -> None:
         """Record an input that cannot be used."""
-        self.rejected.append(Rejected(file, place, field, str(error)))
+        self.rejected.append(Rejected(file, location, field, str(error)))
 
 
 @dataclass(frozen=True)
@@ -159,16 +159,16 @@ def decode_sample(
     tally: RowCounts,
 ) -> Sample | None:
     """Return a step with its screenshot decoded, or `None` if it is rejected; see `make_rows`."""
-    place = f"{trajectory.id}, step {step.index}"
+    location = f"{trajectory.id}, step {step.index}"
     try:
         image = decode(data, image_name)
         scene = _scene(trajectory, step, image, settings)
         tally.transparent += is_transparent(data)
         return Sample(trajectory, step, BaseImage(image), scene)
     except ImageError as error:
-        tally.reject(image_name, place, "image", error)
+        tally.reject(image_name, location, "image", error)
     except ParameterError as error:  # the target has no area, is off the screen or off the action
-        tally.reject(image_name, place, "target_box", error)
+        tally.reject(image_name, location, "target_box", error)
     return None
 
 
@@ -194,7 +194,7 @@ class _Counter:
     """Makes the rows of one step, and counts them and the samples without a row."""
 
     sample: Sample
-    where: str
+    image_name: str
     settings: RowSettings
     tally: RowCounts
 
@@ -202,19 +202,19 @@ class _Counter:
         # after an error, no further rows of the label are made
         try:
             for variant in variants:
-                row = self._made(label, variant)
+                row = self._make_row(label, variant)
                 if row is not None:
                     self.tally.rows[label] += 1
                     yield row
         except ActionError as error:
-            place = f"{self.sample.trajectory.id}, step {self.sample.step.index}, {label}"
-            self.tally.reject(self.where, place, "action_code", error)
+            location = f"{self.sample.trajectory.id}, step {self.sample.step.index}, {label}"
+            self.tally.reject(self.image_name, location, "action_code", error)
         except BuildError as error:
             raise BuildError(f"corruptions: {label}: {error}") from None
         except HijackError as error:
             self.tally.skip(label, str(error))
 
-    def _made(self, label: str, variant: Variant | None) -> DrawnRow | None:
+    def _make_row(self, label: str, variant: Variant | None) -> DrawnRow | None:
         """Return the row of a variant, or count why there is none."""
         if variant is None:
             self.tally.dropped[label] += 1

@@ -183,7 +183,7 @@ def _path(planner: Planner | None, row: Mapping[str, Any], sample: str) -> tuple
     """Return the path through combinators to the corruption that planned for a row."""
     key: int | str = sample
     while isinstance(planner, Augmentation):
-        choice = planner.chosen(seed=int(row["seed"]), sample=key, step=int(row["step"]))
+        choice = planner.choose(seed=int(row["seed"]), sample=key, step=int(row["step"]))
         if choice is None:
             break
         planner, key = choice

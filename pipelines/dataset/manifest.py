@@ -131,7 +131,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         path,
         format=FORMAT,
         version=VERSION,
-        what="the manifest of a dataset of ours",
+        description="the manifest of a dataset of ours",
         error=DatasetError,
         missing=f"{folder}: {state} ({MANIFEST} is missing)",
     )

@@ -126,5 +126,5 @@ class RowReader:
         return open_file
 
 
-def _start(ends: list[int], place: int) -> int:
-    return ends[place - 1] if place else 0
+def _start(ends: list[int], index: int) -> int:
+    return ends[index - 1] if index else 0

@@ -94,11 +94,11 @@ class TouchEdit(Edit):
         element = opening.element
         if asset.recover is None:  # guaranteed by `_is_shown`
             raise NotApplicable(f"how {asset.id} is closed was not recorded")
-        x, y = _place(asset, element, frame.scene.size)
+        x, y = _corner_on_screen(asset, element, frame.scene.size)
         return self.make_step(
             ops=(Paste(asset.recipe(), ((x, y),)),),
             fidelity="composited",
-            response=asset.recover.moved(x, y),
+            response=asset.recover.translate(x, y),
             boxes=[_move_box(target.box, x, y) for target in asset.targets],
             notes=(f"the element at {list(element)} was clicked",),
             detail="menu" if _touches_opener(asset) else "dialog",
@@ -314,7 +314,7 @@ def _sides(box: Box) -> tuple[int, int]:
     return box[2] - box[0], box[3] - box[1]
 
 
-def _place(asset: Asset, element: Box, screen: Size) -> Point:
+def _corner_on_screen(asset: Asset, element: Box, screen: Size) -> Point:
     """Return the corner of the picture on the screen.
 
     A dialog is in the middle. A menu hangs from the clicked element; if it would leave the screen,

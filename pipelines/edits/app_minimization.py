@@ -49,9 +49,9 @@ class MinimiseEdit(Edit):
         frame.check_desktop()
         if _is_bare(frame):
             raise NotApplicable("no window is open on this screen that could be minimised")
-        allowed = replace(frame, pack=_allowed_desktops(frame))
+        limited_frame = replace(frame, pack=_allowed_desktops(frame))
         description = "desktop with its windows minimised"
-        screen = whole_screen(allowed, "desktop", description, screen_layout.desktop)
+        screen = whole_screen(limited_frame, "desktop", description, screen_layout.desktop)
         recover = screen.asset.recover
         if recover is None:
             raise NotApplicable(f"nothing was recorded that undoes {screen.asset.id}")
@@ -82,18 +82,18 @@ def _allowed_desktops(frame: Frame) -> AssetPack:
         NotApplicable: the event cannot be shown realistically; the message is the reason.
     """
     desktops = frame.pack.pictures("desktop")
-    allowed = [asset for asset in desktops if normalize_app(asset.app) in frame.apps]
-    if not allowed and frame.apps:
+    allowed_desktops = [asset for asset in desktops if normalize_app(asset.app) in frame.apps]
+    if not allowed_desktops and frame.apps:
         listed = ", ".join(sorted(frame.apps))
         raise NotApplicable(
             "no desktop was recorded with a minimised window of what the recording uses"
             f" ({listed}){name_programs(frame.apps)}"
         )
-    if not allowed:
+    if not allowed_desktops:
         raise NotApplicable(
             f"the recording does not say whose window would be minimised; {NAME_APPS}"
         )
     assets = tuple(
-        asset for asset in frame.pack.assets if asset.kind != "desktop" or asset in allowed
+        asset for asset in frame.pack.assets if asset.kind != "desktop" or asset in allowed_desktops
     )
     return replace(frame.pack, assets=assets)

@@ -80,11 +80,11 @@ class LaunchAppEdit(Edit):
                 return self._paste_window(frame.stream.choice(best), _notes(frame, name, first))
         raise NotApplicable("no room beside the target")
 
-    def _paste_window(self, place: _Placement, notes: Iterator[str]) -> EditedStep:
-        x, y = place.corner
-        height, width = place.asset.size
+    def _paste_window(self, placement: _Placement, notes: Iterator[str]) -> EditedStep:
+        x, y = placement.corner
+        height, width = placement.asset.size
         return self.make_step(
-            ops=(Paste(place.asset.recipe(), (place.corner,)),),
+            ops=(Paste(placement.asset.recipe(), (placement.corner,)),),
             fidelity="composited",
             boxes=((x, y, x + width, y + height),),
             notes=tuple(notes),
@@ -109,9 +109,9 @@ def _check_step(frame: Frame, scene: Scene) -> None:
         )
 
 
-def _notes(frame: Frame, name: str, planned: str) -> Iterator[str]:
-    if name != planned:
-        yield f"a window of {name} was recorded, and none of {planned} that fits"
+def _notes(frame: Frame, name: str, planned_app: str) -> Iterator[str]:
+    if name != planned_app:
+        yield f"a window of {name} was recorded, and none of {planned_app} that fits"
     if not frame.apps:
         yield "which applications the recording uses is not known"
 
@@ -159,8 +159,8 @@ def _belongs_to_recording(name: str, frame: Frame) -> bool:
 def _best(places: Iterator[_Placement]) -> list[_Placement]:
     """Return all placements with the best sort key."""
     placements = list(places)
-    least = min((place.sort_key for place in placements), default=None)
-    return [place for place in placements if place.sort_key == least]
+    least = min((placement.sort_key for placement in placements), default=None)
+    return [placement for placement in placements if placement.sort_key == least]
 
 
 def _placements(windows: Sequence[Asset], scene: Scene) -> Iterator[_Placement]:

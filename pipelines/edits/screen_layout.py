@@ -94,7 +94,7 @@ class Bar:
     def mapped(self, recorded: RecordedAction) -> RecordedAction:
         """Map an action on one piece of the picture to the screenshot."""
         x = recorded.action.x or 0
-        return recorded.moved(self._x(x) - x, self.dy)
+        return recorded.translate(self._x(x) - x, self.dy)
 
     def _x(self, x: int) -> int:
         piece = bisect_right(self.cuts, x) - 1
@@ -118,7 +118,7 @@ def lock_screen(
     return ScreenLayout(
         ops=(_middle(below, size), Paste(dialog.recipe(), ((x, y),))),
         asset=dialog,
-        mapped=partial(RecordedAction.moved, dx=x, dy=y),
+        mapped=partial(RecordedAction.translate, dx=x, dy=y),
         boxes=tuple(_move_box(target.box, x, y) for target in dialog.targets),
         notes=_notes(size, below, dialog),
     )
@@ -216,9 +216,9 @@ def bar(asset: Asset, rows: RowRange, gaps: int, width: int, y: int) -> Bar | No
     for stretch, space in zip(stretches, spaces, strict=True):
         if _length(space):
             ops.append(_fill(asset, rows, stretch.tile, space, y))
-    for piece, place in zip(pieces, spans, strict=True):
+    for piece, span in zip(pieces, spans, strict=True):
         if _length(piece) > 0:
-            ops.append(Paste(_part(asset, piece, rows), ((place[0], y),)))
+            ops.append(Paste(_part(asset, piece, rows), ((span[0], y),)))
     middles = [(start + end) // 2 for start, end in (stretch.span for stretch in stretches)]
     return Bar(ops=tuple(ops), cuts=(0, *middles), moves=moves, dy=y - rows[0])
 

@@ -130,7 +130,7 @@ def _show_layers(layers: list[Asset], size: Size) -> ShownAsset:
 
 def _map_action(asset: Asset, coords: CoordMap, recorded: RecordedAction) -> RecordedAction:
     """Map an action on a recorded screen to the screenshot."""
-    on_screen = recorded.moved(*asset.box[:2])
+    on_screen = recorded.translate(*asset.box[:2])
     box = None if on_screen.target_box is None else _boxes(coords, [on_screen.target_box])[0]
     return RecordedAction(coords.action_to_screen(on_screen.action), box)
 

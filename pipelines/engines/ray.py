@@ -72,7 +72,7 @@ def run(
         while wave:
             limit = min(2 * limit, MAX_WAVE_SHARDS * workers)
             following: list[ShardTask] = []
-            with closing(_made(ray, wave, job, workers)) as records:
+            with closing(_make_shards(ray, wave, job, workers)) as records:
                 for record in records:
                     tick(record.steps * settings.variants)
                     yield record
@@ -101,7 +101,9 @@ def _check_sendable(ray: Any, settings: RowSettings) -> None:
         ) from None
 
 
-def _made(ray: Any, wave: list[ShardTask], job: ShardJob, workers: int) -> Generator[ShardRecord]:
+def _make_shards(
+    ray: Any, wave: list[ShardTask], job: ShardJob, workers: int
+) -> Generator[ShardRecord]:
     # makes the shards of a wave with Ray Data, and yields their records as they arrive
     with data_options(ray):
         items = ray.data.from_items(

@@ -56,21 +56,21 @@ def session(
         if ray.is_initialized():
             yield ray
             return
-        place = resolve_address(address)
+        cluster_address = resolve_address(address)
         options: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.CRITICAL}
-        if place == LOCAL:
+        if cluster_address == LOCAL:
             options |= {
                 "num_cpus": cpus,
                 "include_dashboard": False,
                 "object_store_memory": STORE_BYTES,
                 "_memory": memory,
             }
-        logs = _init(ray, place, options, error)
+        logs = _init(ray, cluster_address, options, error)
         try:
             yield ray
         finally:
             ray.shutdown()
-        if place == LOCAL:
+        if cluster_address == LOCAL:
             shutil.rmtree(logs, ignore_errors=True)  # the logs stay after a failure
 
 

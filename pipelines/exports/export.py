@@ -166,8 +166,8 @@ def export(
         raise BuildError(f"balance is for the format {ONLOOKER!r}; leave it out for {to!r}")
     rows = open_dataset(folder)
     report = ExportReport(os.fspath(out), to, dialect)
-    with new_folder(Path(out), Path(folder)) as place:
-        writer = make_writer(place)
+    with new_folder(Path(out), Path(folder)) as export_folder:
+        writer = make_writer(export_folder)
         rows_done = 0
         for index, shard in enumerate(rows.manifest["shards"]):
             stored = stored_rows(rows.folder / shard["file"], is_lazy(rows.manifest))
@@ -178,7 +178,8 @@ def export(
         writer.finish()
         report.notes += getattr(writer, "notes", list[str])()
         write_report(
-            place, {**report.to_data(), "keep_hidden": keep_hidden, "content": rows.fingerprint}
+            export_folder,
+            {**report.to_data(), "keep_hidden": keep_hidden, "content": rows.fingerprint},
         )
     return report
 

@@ -37,12 +37,12 @@ def new_folder(out: Path, source: Path) -> Iterator[Path]:
         if out.exists() and (not out.is_dir() or any(out.iterdir())):
             raise BuildError(f"{out}: is in the way; choose a folder that is not there")
         out.parent.mkdir(parents=True, exist_ok=True)
-        place = out.parent / f".{out.name}.exporting"
-        with _locked_folder(place):
-            yield place
+        temporary_folder = out.parent / f".{out.name}.exporting"
+        with _locked_folder(temporary_folder):
+            yield temporary_folder
             if out.exists():
                 out.rmdir()
-            place.rename(out)
+            temporary_folder.rename(out)
     except HijackError:
         raise
     except (OSError, ValueError) as cause:
@@ -54,33 +54,33 @@ def new_folder(out: Path, source: Path) -> Iterator[Path]:
         raise error from None
 
 
-def write_report(place: Path, data: Mapping[str, Any]) -> None:
+def write_report(folder: Path, data: Mapping[str, Any]) -> None:
     """Write the report, without the folder's name, so that equal exports have equal bytes."""
     about = {key: value for key, value in data.items() if key != "out"}
-    write_atomic(place / REPORT, json.dumps(about, indent=1, ensure_ascii=False) + "\n")
+    write_atomic(folder / REPORT, json.dumps(about, indent=1, ensure_ascii=False) + "\n")
 
 
 @contextmanager
-def _locked_folder(place: Path) -> Iterator[None]:
+def _locked_folder(folder: Path) -> Iterator[None]:
     """Create and lock an empty folder; remove it at the end unless it was renamed.
 
     Raises:
         BuildError: another export is writing to it.
     """
-    place.mkdir(exist_ok=True)
+    folder.mkdir(exist_ok=True)
     try:
-        folder_lock = lock(place)
+        folder_lock = lock(folder)
     except LockedError:
         raise BuildError(
-            f"{place}: another export is writing to this folder; wait for it"
+            f"{folder}: another export is writing to this folder; wait for it"
         ) from None
     try:
-        for entry in place.iterdir():
+        for entry in folder.iterdir():
             if entry.is_dir():
                 shutil.rmtree(entry)
             else:
                 entry.unlink()
         yield
     finally:
-        shutil.rmtree(place, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
         folder_lock.release()

@@ -153,7 +153,7 @@ def _recoveries(screen: Size, pasted: tuple[Op, ...]) -> Iterator[RecordedAction
         left, top = tuple(op.sprite.get("crop", (0, 0)))[:2]
         coords = CoordMap(observation=size, screen=screen)
         for x, y in op.at:
-            yield _scale_action(asset.recover.moved(x - left, y - top), coords)
+            yield _scale_action(asset.recover.translate(x - left, y - top), coords)
 
 
 def _scale_action(response: RecordedAction, coords: CoordMap) -> RecordedAction:

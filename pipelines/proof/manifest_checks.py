@@ -39,10 +39,10 @@ def shard_records(manifest: Mapping[str, Any], folder: Path) -> list[ShardRecord
         records = [record_from(shard) for shard in manifest["shards"]]
     except TypeError as error:
         raise DatasetError(f"{folder / MANIFEST}: damaged: a shard's record ({error})") from None
-    for place, record in enumerate(records):
+    for index, record in enumerate(records):
         path = Path(record.file)
-        if record.index != place or path.is_absolute() or ".." in path.parts:
-            raise DatasetError(f"{folder / MANIFEST}: damaged: shard {place} is {record.file!r}")
+        if record.index != index or path.is_absolute() or ".." in path.parts:
+            raise DatasetError(f"{folder / MANIFEST}: damaged: shard {index} is {record.file!r}")
     return records
 
 
@@ -132,8 +132,8 @@ def _differences(path: str, stored: Any, expected: Any) -> Iterator[tuple[str, A
         if path:
             keys += [key for key in stored if key not in expected]
         for key in keys:
-            place = f"{path}.{key}" if path else key
-            yield from _differences(place, stored.get(key), expected.get(key))
+            key_path = f"{path}.{key}" if path else key
+            yield from _differences(key_path, stored.get(key), expected.get(key))
     elif stored != expected:
         yield path, stored, expected
 

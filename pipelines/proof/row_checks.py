@@ -87,8 +87,8 @@ class StepChecker:
 
     def _missing(self, generated: DrawnRow) -> Iterator[str]:
         sample = generated.variant.sample
-        place = f"{sample.trajectory.id}, step {sample.step.index}, {generated.label}"
-        if place not in self.rejected:
+        location = f"{sample.trajectory.id}, step {sample.step.index}, {generated.label}"
+        if location not in self.rejected:
             yield (
                 f"row {generated.labels['id']}: is missing; its step and the parameters of the"
                 " build give it"

@@ -118,9 +118,9 @@ class ShardTally:
 
     def problems(self, record: ShardRecord, settings: RowSettings | None) -> Iterator[str]:
         """Yield the counts of the manifest that differ from the rows of a file."""
-        counted = record.counts["rows"]
-        for label in {**counted, **self.rows}:
-            number = counted.get(label, 0)
+        row_counts = record.counts["rows"]
+        for label in {**row_counts, **self.rows}:
+            number = row_counts.get(label, 0)
             if number != self.rows[label]:
                 yield f"the manifest counts {number} rows of {label}, there are {self.rows[label]}"
         rejected = sum(entry.get("field") in WHOLE_STEP for entry in record.rejected)

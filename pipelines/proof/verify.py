@@ -235,13 +235,13 @@ class _Check:
             return
         self.report.shards += 1
         self.report.problems += shard_problems(file, record)
-        counted = ShardTally()
+        tally = ShardTally()
         before = self.report.rows
         recordings = None
         if task is not None and self.settings is not None:
             recordings = Recordings(task, self.settings)
         try:
-            for problem in self._check_steps(file, record, counted, recordings):
+            for problem in self._check_steps(file, record, tally, recordings):
                 self.report.problems.append(f"{name}: {problem}")
         except DatasetError as error:
             self.report.problems.append(str(error))
@@ -252,13 +252,13 @@ class _Check:
             )
         else:
             self.report.problems += [
-                f"{name}: {text}" for text in counted.problems(record, self.settings)
+                f"{name}: {text}" for text in tally.problems(record, self.settings)
             ]
         if recordings is not None:
             self.report.problems += [f"{name}: {text}" for text in recordings.problems(record)]
 
     def _check_steps(
-        self, file: Path, record: ShardRecord, counted: ShardTally, recordings: Recordings | None
+        self, file: Path, record: ShardRecord, tally: ShardTally, recordings: Recordings | None
     ) -> Iterator[str]:
         """Yield the problems of the rows of a file."""
         for key, group in groupby(
@@ -267,7 +267,7 @@ class _Check:
             rows = list(group)
             self.report.rows += len(rows)
             try:
-                counted.add(rows)
+                tally.add(rows)
                 yield from self.order.problems(rows)
                 if recordings is None:
                     yield from self._check_step(rows, self._find_recorded_step(rows, record))

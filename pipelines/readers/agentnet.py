@@ -70,9 +70,9 @@ class AgentNet(FileReader):
                     yield from _record(parse_file(file), name, "", file.parent, ids)
                     continue
                 for line in lines(file):
-                    place = f"line {line.number}"
+                    location = f"line {line.number}"
                     try:
-                        yield from _record(line.record(), name, place, file.parent, ids)
+                        yield from _record(line.record(), name, location, file.parent, ids)
                     except FieldError as error:
                         yield Rejected(name, f"line {line.number}", error.field, error.reason)
             except FieldError as error:
@@ -99,7 +99,7 @@ def _record(
     about = _about(record, file)
     ids.add(name)
     steps: dict[int, Step] = {}
-    for place, entry in enumerate(entries):
+    for position, entry in enumerate(entries):
         try:
             data = fields.mapping(entry, "")
             step = _bench_step(data, root) if is_bench else _step(data, root)
@@ -108,7 +108,7 @@ def _record(
                 raise FieldError(field, f"step {step.index} was there before")
             steps[step.index] = step
         except FieldError as error:
-            parts = (location, name, f"entry {place}")
+            parts = (location, name, f"entry {position}")
             yield Rejected(file, ", ".join(filter(None, parts)), error.field, error.reason)
     if not entries:
         raise FieldError("steps" if is_bench else "traj", "is empty")
@@ -165,11 +165,11 @@ def _bench_step(entry: JsonObject, root: Path) -> Step:
 
 def _image(entry: JsonObject, root: Path) -> tuple[Path, Size]:
     name = fields.text(entry, "image")
-    image = inside(root, _place(name, root))
+    image = inside(root, _picture_path(name, root))
     return image, image_size(image)
 
 
-def _place(name: str, root: Path) -> str:
+def _picture_path(name: str, root: Path) -> str:
     """Return the path of a picture in the source: the name itself, or one in a known folder.
 
     Raises:
@@ -178,8 +178,8 @@ def _place(name: str, root: Path) -> str:
     if os.path.isabs(name) or (root / name).is_file():
         return name
     folders = [folder for folder in IMAGES if (root / folder).is_dir()]
-    places = [os.path.join(folder, inner, name) for folder in folders for inner in _UNPACKED]
-    existing = [place for place in places if (root / place).is_file()]
+    candidates = [os.path.join(folder, inner, name) for folder in folders for inner in _UNPACKED]
+    existing = [candidate for candidate in candidates if (root / candidate).is_file()]
     if len(existing) > 1:
         several = " and in ".join(map(os.path.dirname, existing))
         raise FieldError("image", f"{name!r} is in {several}; keep one")

@@ -64,7 +64,7 @@ def _episodes(file: Path, root: Path, ids: set[str]) -> Iterator[Trajectory | Re
                 instruction = instruction or fields.text(row.record, "instruction")
                 steps.append(_step(row.record, file, root))
             except FieldError as error:
-                yield Rejected(name, row.where, error.field, error.reason)
+                yield Rejected(name, row.location, error.field, error.reason)
         ids.add(episode)
         if steps:
             yield RecordedTrajectory(
@@ -109,7 +109,7 @@ def _action(record: JsonObject, size: Size) -> Action:
     kind = record.get("result_action_type")
     if kind in (_LONG_PRESS, _GESTURE):
         touch, lift = (_point(record, f"result_{end}_yx") for end in ("touch", "lift"))
-        start, end = (Scaling.fractions(size).point(*place) for place in (touch, lift))
+        start, end = (Scaling.fractions(size).point(*point) for point in (touch, lift))
         if kind == _LONG_PRESS:
             return action_at("other", end)
         if math.dist(touch, lift) <= _TAP:

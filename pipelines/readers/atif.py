@@ -219,23 +219,23 @@ class _Document:
 def _step(
     step: JsonObject, name: str, arguments: JsonObject, image: str, size: Size, index: int
 ) -> Step:
-    place = f"tool_calls.{name}"
+    field = f"tool_calls.{name}"
     if name == TOOL:
         return _exported(step, arguments, image, size, index)
     if name == COMPUTER:
         dialect = ANTHROPIC if "action" in arguments else OPENAI
-        action = first_action(arguments, dialect, size, place)
+        action = first_action(arguments, dialect, size, field)
         return RecordedStep(
-            index, image, action, raw_action_text(arguments, place), dialect=dialect
+            index, image, action, raw_action_text(arguments, field), dialect=dialect
         )
     try:
         action = Action("done") if name == FINISHED else _harbor_action(arguments)
     except ActionError as error:
-        raise FieldError(place, str(error)) from None
-    fields.check_on_screen(action, size, place)
+        raise FieldError(field, str(error)) from None
+    fields.check_on_screen(action, size, field)
     if action.type != "other":
         return RecordedStep(index, image, action, write_pyautogui(action), dialect=PYAUTOGUI)
-    code = "" if action.point else raw_action_text(arguments, place)
+    code = "" if action.point else raw_action_text(arguments, field)
     return RecordedStep(index, image, action, code, dialect=SIZELESS)
 
 
@@ -264,16 +264,16 @@ def _harbor_action(arguments: JsonObject) -> Action:
         ActionError: the action is not known.
     """
     kind = arguments.get("type")
-    place = None
+    point = None
     if arguments.get("x") is not None:
-        place = round(number(arguments["x"], "x")), round(number(arguments.get("y"), "y"))
+        point = round(number(arguments["x"], "x")), round(number(arguments.get("y"), "y"))
     if kind == "click":
-        return action_at(click_type(arguments.get("button") or "left", 1), place)
+        return action_at(click_type(arguments.get("button") or "left", 1), point)
     if kind == "drag":
         x2, y2 = (round(number(arguments.get(side), side)) for side in ("end_x", "end_y"))
-        return action_at("drag", place, x2=x2, y2=y2)
+        return action_at("drag", point, x2=x2, y2=y2)
     if kind in _HARBOR:
-        return action_at(_HARBOR[kind], place)
+        return action_at(_HARBOR[kind], point)
     if kind == "type":
         return Action("type", text=fields.text(arguments, "text"))
     if kind in _HARBOR_KEYS:
@@ -283,7 +283,7 @@ def _harbor_action(arguments: JsonObject) -> Action:
     if kind in _HARBOR_ENDS:
         return Action("done")
     if kind in _HARBOR_OTHERS:
-        return action_at("other", place)
+        return action_at("other", point)
     raise ActionError(f"{short_repr(kind)} is not an action of {HARBOR}")
 
 

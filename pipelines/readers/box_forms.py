@@ -63,7 +63,7 @@ def detect_form(
     boxes: Sequence[object],
     size: Callable[[int], Size | None],
     choices: ReaderOptions,
-    known: Iterable[Form] = (),
+    published_forms: Iterable[Form] = (),
     field: str = "bbox",
 ) -> Form:
     """Return the form of the boxes of a table.
@@ -73,7 +73,7 @@ def detect_form(
         size: returns the (height, width) of a row's picture, `None` if it cannot be read; it is
             called for as few rows as possible.
         choices: the choices of the user.
-        known: forms that the table may have as it was published, the likelier first.
+        published_forms: forms that the table may have as it was published, the likelier first.
         field: the name of the column.
 
     Raises:
@@ -85,14 +85,16 @@ def detect_form(
     try:
         forms = _narrowed(candidates, _unseen(boxes, candidates), field)
     except FieldError:  # one that leaves its picture may be at fault
-        forms = _narrowed(candidates, _seen(boxes, size, candidates, candidates), field)
+        forms = _narrowed(
+            candidates, _forms_on_pictures(boxes, size, candidates, candidates), field
+        )
     else:
         may_be_corners = len(orders) > 1 and _are_widths(forms)
         if len(forms) > 1 or may_be_corners:
-            forms = _narrowed(forms, _seen(boxes, size, candidates, forms), field)
+            forms = _narrowed(forms, _forms_on_pictures(boxes, size, candidates, forms), field)
     if len(forms) == 1:
         return next(iter(forms))
-    for form in known:
+    for form in published_forms:
         if form in forms:
             return form
     possible = sorted(f"{order} in {space}" for space, order in forms)
@@ -110,7 +112,7 @@ def _unseen(boxes: Sequence[object], among: Forms) -> Iterator[tuple[int, Forms]
         yield index, _forms(box, _UNBOUNDED, among)
 
 
-def _seen(
+def _forms_on_pictures(
     boxes: Sequence[object], size: Callable[[int], Size | None], among: Forms, remaining: Forms
 ) -> Iterator[tuple[int, Forms]]:
     """Yield the forms that each row may have on its picture, until only two corners are `left`."""

@@ -78,7 +78,7 @@ class Chat(FileReader):
                 if isinstance(item, Trajectory):
                     yield item
                 else:
-                    yield Rejected(name, row.where, item.field, item.reason)
+                    yield Rejected(name, row.location, item.field, item.reason)
         if is_empty:
             yield Rejected(name, "", "", "holds no row")
 
@@ -104,8 +104,8 @@ class _Row:
         value = pictures[index]
         if isinstance(value, str) and value.startswith("data:"):
             is_list = isinstance(self.row.record.get(column), list)
-            place = (column, index) if is_list else (column,)
-            return picture_inside(value, self.file, self.row, place, field)
+            pointer = (column, index) if is_list else (column,)
+            return picture_inside(value, self.file, self.row, pointer, field)
         return picture_at(value, self.file, self.root, field)
 
     def trajectory(self) -> Iterator[Trajectory | FieldError]:
@@ -133,9 +133,9 @@ class _Row:
         turns.add_prompt(fields.text(record, "system", default=""), "system")
         yield from turns.read(messages, key)
         if turns.steps:
-            yield self._made(turns, record)
+            yield self._make_trajectory(turns, record)
 
-    def _made(self, turns: ChatTurns, record: JsonObject) -> Trajectory:
+    def _make_trajectory(self, turns: ChatTurns, record: JsonObject) -> Trajectory:
         row_id = record.get("id")
         stem = os.path.splitext(relative_name(self.file, self.root))[0]
         name = (

@@ -111,9 +111,9 @@ class ChatTurns:
 
     def add_prompt(self, text: str, role: str) -> None:
         """Take in the task and the space of the coordinates from a prompt."""
-        stated = _RESOLUTION.search(text)
-        if stated:
-            self.stated_space = (int(stated[2]), int(stated[1]))
+        match = _RESOLUTION.search(text)
+        if match:
+            self.stated_space = (int(match[2]), int(match[1]))
         prompt = text.replace(IMAGE, "").strip()
         question = parse_question(prompt)
         task = _task(prompt)
@@ -133,7 +133,7 @@ class ChatTurns:
             text: object = entry.get("text")
             if entry.get("type") == "image" and shows:
                 index: object = entry.get("index")
-                self._show(self.shown if index is None else _whole(index))
+                self._show(self.shown if index is None else _picture_index(index))
             elif isinstance(text, str):
                 texts.append(text)
                 if shows:
@@ -201,22 +201,22 @@ def _with_calls(message: JsonObject, text: str) -> tuple[str, object]:
     tool_functions = [function for function in functions if function.get("name") in TOOLS]
     if not tool_functions:
         return text, calls
-    texts = [tool_call_text(tool["name"], _given(tool)) for tool in tool_functions]
+    texts = [tool_call_text(tool["name"], _recorded_arguments(tool)) for tool in tool_functions]
     return "\n".join([text, *texts]).strip(), None
 
 
-def _given(function: JsonObject) -> dict[str, Any]:
+def _recorded_arguments(function: JsonObject) -> dict[str, Any]:
     # Parquet stores null for arguments that an action does not have.
     return {key: value for key, value in call_arguments(function).items() if value is not None}
 
 
-def _space(stated: Space | None, size: Size) -> Space | None:
+def _space(space: Space | None, size: Size) -> Space | None:
     """Return the space of a stated resolution: resized, thousandths, or a grid of its own."""
-    if stated == (1000, 1000):
+    if space == (1000, 1000):
         return THOUSAND
-    if isinstance(stated, tuple) and stated == _resized(size):
+    if isinstance(space, tuple) and space == _resized(size):
         return RESIZED
-    return stated
+    return space
 
 
 def _resized(size: Size) -> Size | None:
@@ -254,7 +254,7 @@ def _task(text: str) -> str:
     return text.strip()
 
 
-def _whole(index: object) -> int:
+def _picture_index(index: object) -> int:
     # Parquet turns an index that only some parts have into a float.
     if isinstance(index, float) and index.is_integer():
         index = int(index)

@@ -28,13 +28,13 @@ class LogEntry:
 
     Args:
         data: the message or item.
-        where: the place in reports.
+        location: the place in reports.
         offset: where its line begins; `None` in a `.json` file.
         pointer: keys and indices from the file's value, or the line's, to the entry.
     """
 
     data: JsonObject
-    where: str
+    location: str
     offset: int | None
     pointer: JsonPath
 
@@ -165,8 +165,8 @@ def _conversation(
             if isinstance(entry, Rejected):
                 yield Rejected(file, entry.where, entry.field, entry.reason)
                 continue
-            for error in _taken(conversation, entry, take):
-                yield Rejected(file, entry.where, error.field, error.reason)
+            for error in _take_entry(conversation, entry, take):
+                yield Rejected(file, entry.location, error.field, error.reason)
         if name in ids:
             raise FieldError("id", f"{name!r} was there before, in a file with another suffix")
         ids.add(name)
@@ -177,7 +177,9 @@ def _conversation(
         yield Rejected(file, "", "", f"cannot be read ({error.strerror or error})")
 
 
-def _taken(conversation: Conversation, entry: LogEntry, take: ReadEntry) -> Iterator[FieldError]:
+def _take_entry(
+    conversation: Conversation, entry: LogEntry, take: ReadEntry
+) -> Iterator[FieldError]:
     try:
         yield from take(conversation, entry)
     except OtherFormatError:
@@ -194,11 +196,11 @@ def entries(file: Path) -> Iterator[LogEntry | Rejected]:
     """
     if file.suffix == ".jsonl":
         for line in lines(file):
-            place = f"line {line.number}"
+            location = f"line {line.number}"
             try:
-                yield from _spread(line.record(), place, line.offset, ())
+                yield from _spread(line.record(), location, line.offset, ())
             except FieldError as error:
-                yield Rejected("", place, error.field, error.reason)
+                yield Rejected("", location, error.field, error.reason)
         return
     data = parse_any(file)
     if isinstance(data, list):
@@ -227,19 +229,19 @@ def _spread(
     outer = {key: value for key, value in record.items() if key not in inner}
     yield LogEntry(outer, location, offset, pointer)
     for key in inner:
-        place = f"{location}, {key}" if location else key
-        yield from _items(record[key], place, offset, (*pointer, key))
+        list_location = f"{location}, {key}" if location else key
+        yield from _items(record[key], list_location, offset, (*pointer, key))
 
 
 def _items(
     values: list[Any], location: str, offset: int | None, pointer: JsonPath
 ) -> Iterator[LogEntry | Rejected]:
     for index, value in enumerate(values):
-        place = f"{location} {index}"
+        item_location = f"{location} {index}"
         if isinstance(value, dict):
-            yield LogEntry(cast("dict[str, Any]", value), place, offset, (*pointer, index))
+            yield LogEntry(cast("dict[str, Any]", value), item_location, offset, (*pointer, index))
         else:
-            yield Rejected("", place, "", f"must be an object, got {short_repr(value)}")
+            yield Rejected("", item_location, "", f"must be an object, got {short_repr(value)}")
 
 
 def _is_path(value: str) -> bool:

@@ -121,7 +121,7 @@ class CuaBenchTrace(StepRows):
             self.platform = find_platform(system)
         elif event == _FRAME_BEFORE:
             self.stepped = True
-            image, size = self._shown(self.screen)
+            image, size = self._count_action(self.screen)
             self._append(self.actions, image, size, *_python_action(data.get("action")))
         elif event == _AGENT and not self.stepped:
             self._call(before, data)
@@ -136,7 +136,7 @@ class CuaBenchTrace(StepRows):
                 continue
             if action.get("type") == "screenshot":
                 continue
-            image, size = self._shown(screen)
+            image, size = self._count_action(screen)
             parsed_action = first_action(action, OPENAI, size, "data_json.output")
             code = raw_action_text(action, "data_json.output")
             self.steps.append(
@@ -144,7 +144,7 @@ class CuaBenchTrace(StepRows):
             )
             return
 
-    def _shown(self, screen: tuple[str, Size] | None) -> tuple[str, Size]:
+    def _count_action(self, screen: tuple[str, Size] | None) -> tuple[str, Size]:
         """Count an action, and return the screen that it was taken on.
 
         Raises:
@@ -193,8 +193,8 @@ def _tess_action(record: JsonObject, size: Size) -> Action:
         return Action("other") if "<" in text else Action("type", text=text)
     if kind != _MOUSE or not isinstance(click, int) or not 0 <= click < len(_CLICKS_TESS):
         raise ActionError(f"{kind!r} with click_type {click!r} is not described by the set's card")
-    place = [number(record.get(side), side) for side in ("mouse_x", "mouse_y")]
-    return action_at(_CLICKS_TESS[click], Scaling.fractions(size).point(*place))
+    fractions = [number(record.get(side), side) for side in ("mouse_x", "mouse_y")]
+    return action_at(_CLICKS_TESS[click], Scaling.fractions(size).point(*fractions))
 
 
 def _python_call(value: object) -> tuple[str, dict[str, Any]]:
@@ -246,15 +246,15 @@ def _python_action(value: object) -> tuple[Action, str]:
 
 
 def _action(name: str, arguments: dict[str, Any]) -> Action:
-    def place(x: str, y: str) -> tuple[int, int]:
+    def point(x: str, y: str) -> tuple[int, int]:
         return round(number(arguments.get(x), x)), round(number(arguments.get(y), y))
 
     if name in _POINTER_ACTIONS:
-        return action_at(_POINTER_ACTIONS[name], place("x", "y"))
+        return action_at(_POINTER_ACTIONS[name], point("x", "y"))
     match name:
         case "DragAction":
-            x2, y2 = place("to_x", "to_y")
-            return action_at("drag", place("from_x", "from_y"), x2=x2, y2=y2)
+            x2, y2 = point("to_x", "to_y")
+            return action_at("drag", point("from_x", "from_y"), x2=x2, y2=y2)
         case "TypeAction":
             return Action("type", text=fields.text(arguments, "text", default=""))
         case "KeyAction":

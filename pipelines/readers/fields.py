@@ -259,19 +259,19 @@ def check_on_screen(action: Action, size: Size, field: str) -> Action:
     return action
 
 
-def unique_id(name: str, place: str, used_ids: set[str]) -> str:
+def unique_id(name: str, source_name: str, used_ids: set[str]) -> str:
     """Return the id of a trajectory, after the name of its file or folder if the id is taken.
 
     Args:
         name: the id in its file.
-        place: the name of the file or folder.
+        source_name: the name of the file or folder.
         used_ids: the ids of the files so far; the new one is added.
     """
-    candidate = name if name not in used_ids else f"{place}/{name}"
+    candidate = name if name not in used_ids else f"{source_name}/{name}"
     number = 1
     while candidate in used_ids:
         number += 1
-        candidate = f"{place}/{name}~{number}"
+        candidate = f"{source_name}/{name}~{number}"
     used_ids.add(candidate)
     return candidate
 
@@ -284,12 +284,12 @@ class RowIds:
     """
 
     used_ids: set[str] = field(default_factory=set[str])
-    place: str = ""
+    source_name: str = ""
     row_ids: set[str] = field(default_factory=set[str])
 
-    def open(self, place: str) -> None:
-        """Begin a file, named `place` in ids."""
-        self.place = place
+    def open(self, source_name: str) -> None:
+        """Begin a file, named `source_name` in ids."""
+        self.source_name = source_name
         self.row_ids = set()
 
     def unique(self, items: Iterable[Trajectory | FieldError]) -> Iterator[Trajectory | FieldError]:
@@ -308,7 +308,7 @@ class RowIds:
                     yield FieldError("id", f"{reason} anew, or leave the ids out")
                     return
                 self.row_ids.add(item.id)
-                yield replace(item, id=unique_id(item.id, self.place, self.used_ids))
+                yield replace(item, id=unique_id(item.id, self.source_name, self.used_ids))
         except FieldError as error:
             yield error
 

@@ -112,7 +112,7 @@ class _Table:
             try:
                 yield self._trajectory(entry, form, elements)
             except FieldError as error:
-                yield Rejected(self.name, entry.row.where, error.field, error.reason)
+                yield Rejected(self.name, entry.row.location, error.field, error.reason)
 
     def _entries(self) -> tuple[list[_Entry], list[Rejected]]:
         entries: list[_Entry] = []
@@ -122,7 +122,7 @@ class _Table:
             try:
                 entries += _row_entries(row, f"{stem}/{row.number:06d}")
             except FieldError as error:
-                broken.append(Rejected(self.name, row.where, error.field, error.reason))
+                broken.append(Rejected(self.name, row.location, error.field, error.reason))
         return entries, broken
 
     def _picture(self, entry: _Entry) -> tuple[str, Size]:
@@ -137,10 +137,10 @@ class _Table:
         if size is None:
             size = picture_at(value, self.file, self.root, key, folders)
         self.sizes[value] = size
-        stated: object = record.get("img_size", record.get("image_size"))
+        recorded_size: object = record.get("img_size", record.get("image_size"))
         height, width = size[1]
-        if isinstance(stated, list) and stated != [width, height]:
-            reason = f"is {short_repr(stated)}, but the picture is {width}x{height}"
+        if isinstance(recorded_size, list) and recorded_size != [width, height]:
+            reason = f"is {short_repr(recorded_size)}, but the picture is {width}x{height}"
             raise FieldError("img_size", reason)
         return size
 

@@ -78,7 +78,7 @@ def _episodes(file: Path, root: Path) -> Iterator[Trajectory | Rejected]:
                 question = question or fields.text(row.record, "question")
                 steps.append(_step(row, file, root))
             except FieldError as error:
-                yield Rejected(name, row.where, error.field, error.reason)
+                yield Rejected(name, row.location, error.field, error.reason)
         if not steps:
             continue
         while episode in ids:  # the set uses some numbers for two tasks
@@ -101,7 +101,7 @@ def _episode(row: JsonRow) -> tuple[str, object]:
     values: Any = row.values if not isinstance(row.values, FieldError) else {}
     uid = values.get("uid")
     if not isinstance(uid, str):
-        return row.where, None
+        return row.location, None
     match = _UID.fullmatch(uid)
     name = uid if match is None else f"uid_{match[1]}_{match[2]}"
     question = values.get("question")
@@ -157,7 +157,9 @@ def _action(first: JsonObject, record: JsonObject, size: Size, box: Box | None) 
     text = fields.text(first, "text", default="")
     has_place = box is not None or first.get("point") is not None
     if name in _POINTER_ACTIONS or (name == "input" and has_place):
-        return action_at(_POINTER_ACTIONS.get(name, "click"), _place(first, record, size, box))
+        return action_at(
+            _POINTER_ACTIONS.get(name, "click"), _pointer_target(first, record, size, box)
+        )
     match name:
         case "input":
             return Action("type", text=text)
@@ -198,7 +200,9 @@ def _end(pair: JsonObject, end: str) -> JsonObject:
     return ends
 
 
-def _place(first: JsonObject, record: JsonObject, size: Size, box: Box | None) -> tuple[int, int]:
+def _pointer_target(
+    first: JsonObject, record: JsonObject, size: Size, box: Box | None
+) -> tuple[int, int]:
     if first.get("point") is not None:
         return _point(fields.mapping(first["point"], "point"), record, size)
     if box is None:

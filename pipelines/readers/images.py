@@ -147,10 +147,10 @@ class _Metadata:
 
     def of(self, picture: Path) -> JsonObject:
         """Return the metadata of a picture."""
-        place = self.places.pop(picture, None)
-        if place is not None:
-            with place[0].open("rb") as file:
-                return fields.mapping(parse(line_at(file, place[1])), "")
+        location = self.places.pop(picture, None)
+        if location is not None:
+            with location[0].open("rb") as file:
+                return fields.mapping(parse(line_at(file, location[1])), "")
         beside = picture.with_suffix(".json")
         return parse_file(beside) if beside.is_file() else {}
 

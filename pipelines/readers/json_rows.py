@@ -34,14 +34,14 @@ class JsonRow:
 
     Args:
         number: index of the row in the file.
-        where: the place in reports, such as `"line 3"`.
+        location: the place in reports, such as `"line 3"`.
         values: values by field, or the error of a broken row.
         offset: where its line begins; `None` in a `.json` file.
         pointer: keys and indices from the file's value to the row.
     """
 
     number: int
-    where: str
+    location: str
     values: JsonObject | FieldError
     offset: int | None = None
     pointer: tuple[str | int, ...] = ()
@@ -140,19 +140,19 @@ def picture_at(
         raise FieldTypeError(field, "a path", value)
     if value.startswith(("http:", "https:")):
         raise FieldError(field, "is on the web; only files in the folder are read")
-    path = _found(value, file.parent, root, field, folders)
+    path = _find_picture(value, file.parent, root, field, folders)
     return os.fspath(path), image_size(path, field)
 
 
 def picture_inside(
-    value: str, file: Path, row: JsonRow, place: tuple[str | int, ...], field: str
+    value: str, file: Path, row: JsonRow, pointer: tuple[str | int, ...], field: str
 ) -> tuple[str, Size]:
-    """Return the reference of a `data:` URL at `place` in a row, and its (height, width)."""
-    reference = in_json(file, row.offset, (*row.pointer, *place))
+    """Return the reference of a `data:` URL at `pointer` in a row, and its (height, width)."""
+    reference = in_json(file, row.offset, (*row.pointer, *pointer))
     return reference, image_size(decode_base64(value), field)
 
 
-def _found(name: str, folder: Path, root: Path, field: str, folders: Iterable[str]) -> Path:
+def _find_picture(name: str, folder: Path, root: Path, field: str, folders: Iterable[str]) -> Path:
     if not Path(name).is_absolute():
         above = [parent for parent in folder.parents if parent.is_relative_to(root)]
         for start in (folder, *above):

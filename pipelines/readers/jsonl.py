@@ -46,8 +46,8 @@ class _Index:
         problems = LineProblems()
         name, step, row_id = identity(record, problems)
         if row_id and row_id in self.ids:
-            problems.found.append(FieldError("id", f"{row_id!r} was used by an earlier line"))
-        if problems.found or name is None or step is None:
+            problems.errors.append(FieldError("id", f"{row_id!r} was used by an earlier line"))
+        if problems.errors or name is None or step is None:
             read_step(record, self.root, self.folder, problems=problems)
             return
         self.ids.add(row_id or "")

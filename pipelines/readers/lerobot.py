@@ -134,8 +134,8 @@ class _Set:
             return
         name = f"{folder_id(self.home, self.root)}/{self.episode:06d}"
         if not instruction:
-            place = f"episode {self.episode}"
-            yield Rejected(f"{META}/{_TASKS}", place, "task", "not recorded, left empty")
+            location = f"episode {self.episode}"
+            yield Rejected(f"{META}/{_TASKS}", location, "task", "not recorded, left empty")
         yield Trajectory(name, LeRobot.name, instruction, steps)
 
 

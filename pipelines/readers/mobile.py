@@ -168,11 +168,11 @@ class GuiOdyssey(_Phone):
             case "CLICK" if isinstance(info, str) and info in _KEYS:
                 return Action("other")
             case "CLICK" | "LONG_PRESS":
-                (place,) = _points(info, 1)
+                (coordinates,) = _points(info, 1)
                 name = "click" if kind == "CLICK" else "other"
-                return action_at(name, scaling.point(*place))
+                return action_at(name, scaling.point(*coordinates))
             case "SCROLL":
-                start, end = (scaling.point(*place) for place in _points(info, 2))
+                start, end = (scaling.point(*coordinates) for coordinates in _points(info, 2))
                 return Action("drag", *start, *end)
             case "TYPE" | "TEXT":
                 return Action("type", text=fields.text(entry, "info"))
@@ -242,8 +242,8 @@ class AndroidControl(_Phone):
         kind = fields.text(entry, "action_type")
         match kind:
             case "click" | "long_press" | "type":
-                place = [number(entry.get(side), side) for side in ("x", "y")]
-                point = Scaling.pixels(None).point(*place)
+                coordinates = [number(entry.get(side), side) for side in ("x", "y")]
+                point = Scaling.pixels(None).point(*coordinates)
                 text = fields.text(entry, "text") if kind == "type" else None
                 name = "click" if kind == "click" else "other"
                 return action_at(name, point, text=text)

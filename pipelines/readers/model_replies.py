@@ -281,22 +281,22 @@ def _atlas(text: str, field: str, context: ReplyContext) -> ModelReply:
     body = _atlas_body(text)
     if body in _ATLAS_WORDS:
         return ModelReply(ParsedAction(_ATLAS_WORDS[body], text, SIZELESS))
-    place = _ATLAS_POINT.fullmatch(body)
-    if place:
-        x, y = _atlas_point(place, field, context)
-        action = Action(_ATLAS_CLICKS[place[1]], x, y)
-        return ModelReply(_kept(action, text, field, context))
-    match = _ATLAS_TEXT.fullmatch(body)
-    action = _atlas_text(match[1], match[2]) if match else Action("other")
+    click_match = _ATLAS_POINT.fullmatch(body)
+    if click_match:
+        x, y = _atlas_point(click_match, field, context)
+        action = Action(_ATLAS_CLICKS[click_match[1]], x, y)
+        return ModelReply(_parsed_action(action, text, field, context))
+    text_match = _ATLAS_TEXT.fullmatch(body)
+    action = _atlas_text(text_match[1], text_match[2]) if text_match else Action("other")
     return ModelReply(
         ParsedAction(fields.check_on_screen(action, context.size, field), text, SIZELESS)
     )
 
 
-def _atlas_point(place: re.Match[str], field: str, context: ReplyContext) -> tuple[int, int]:
+def _atlas_point(match: re.Match[str], field: str, context: ReplyContext) -> tuple[int, int]:
     try:
         scaling = space_scaling(context.choice or THOUSAND, context.size)
-        return scaling.point(float(place[2]), float(place[3]))
+        return scaling.point(float(match[2]), float(match[3]))
     except HijackError as error:
         raise FieldError(field, str(error)) from None
 
@@ -320,10 +320,10 @@ def _atlas_box(text: str, field: str, context: ReplyContext) -> ModelReply:
     box = box_in((context.choice or THOUSAND, XYXY), numbers, context.size, field)
     x, y = box_center(box)
     action = Action("click", x, y)
-    return ModelReply(_kept(action, text, field, context), box)
+    return ModelReply(_parsed_action(action, text, field, context), box)
 
 
-def _kept(action: Action, text: str, field: str, context: ReplyContext) -> ParsedAction:
+def _parsed_action(action: Action, text: str, field: str, context: ReplyContext) -> ParsedAction:
     """Return the text that a step keeps: a reply in thousandths, else the action in pixels."""
     fields.check_on_screen(action, context.size, field)
     if context.choice in (None, THOUSAND):

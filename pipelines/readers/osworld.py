@@ -119,8 +119,8 @@ class _Episode(EpisodeFolder):
             task = {}
             yield Rejected(self.records, "", error.field, error.reason)
         if not self.instruction:
-            place = f"{TASK_FOLDERS[0]}/{domain or '<domain>'}/{self.folder.name}.json"
-            reason = f"not recorded, left empty; put the task's JSON at {place}"
+            task_file = f"{TASK_FOLDERS[0]}/{domain or '<domain>'}/{self.folder.name}.json"
+            reason = f"not recorded, left empty; put the task's JSON at {task_file}"
             yield Rejected(self.records, "", "instruction", reason)
         yield Trajectory(
             id=folder_id(self.folder, self.root),
@@ -272,5 +272,5 @@ def _task_files(root: Path, folder: Path, domain: str) -> Iterator[Path]:
         yield folder / beside
     for base in (folder, *folder.parents):
         if base.is_relative_to(root):
-            for place in TASK_FOLDERS:
-                yield base / place / domain / name
+            for task_folder in TASK_FOLDERS:
+                yield base / task_folder / domain / name

@@ -38,7 +38,7 @@ class OSWorldG(PublishedSet):
     layout = "OSWorld-G.json or OSWorld-G_refined.json beside the folder images"
     picture = "image_path"
     folder = "images"
-    stated = "image_size"
+    size_field = "image_size"
     extra_fields = ("id", "GUI_types", "box_type")
 
     def is_table(self, file: Path) -> bool:

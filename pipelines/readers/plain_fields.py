@@ -69,14 +69,14 @@ class LineProblems:
     """Collects the mistakes in one line, so that they can be reported at once."""
 
     def __init__(self) -> None:
-        self.found: list[FieldError] = []
+        self.errors: list[FieldError] = []
 
     def of(self, read: Callable[[], T]) -> T | None:
         """Return the result of `read`; if it fails, note the error and return `None`."""
         try:
             return read()
         except FieldError as error:
-            self.found.append(error)
+            self.errors.append(error)
             return None
 
     def check(self) -> None:
@@ -85,9 +85,9 @@ class LineProblems:
         Raises:
             FieldError: there are some; the message names them all.
         """
-        if not self.found:
+        if not self.errors:
             return
-        first, *further = self.found
+        first, *further = self.errors
         suffix = "".join(f"; {error}" for error in further)
         raise FieldError(first.field, f"{first.reason}{suffix}")
 
@@ -97,9 +97,11 @@ def check_names(
 ) -> None:
     """Note each unknown name that is similar to a known name missing in the record."""
     for name in record:
-        suggestion = _meant(name, field_names)
+        suggestion = _suggest_field(name, field_names)
         if name not in field_names and suggestion and record.get(suggestion) is None:
-            problems.found.append(FieldError(name, f"is not a field; did you mean {suggestion!r}?"))
+            problems.errors.append(
+                FieldError(name, f"is not a field; did you mean {suggestion!r}?")
+            )
 
 
 def extra_json(record: JsonObject, field_names: tuple[str, ...] = FIELDS) -> str:
@@ -142,7 +144,7 @@ def read_step(
     """
     problems = problems or LineProblems()
     check_names(record, problems)
-    if not any(error.field == "step" for error in problems.found):
+    if not any(error.field == "step" for error in problems.errors):
         problems.of(lambda: fields.step_number(record, "step"))
     problems.of(lambda: fields.text(record, "instruction"))
     problems.of(lambda: read_apps(record))
@@ -249,10 +251,10 @@ def _are_different_points(first: Point, second: Point) -> bool:
 
 
 def _in_words(action: Action) -> str:
-    place = "" if action.point is None else f" at {action.point}"
+    start = "" if action.point is None else f" at {action.point}"
     end = "" if action.end is None else f" to {action.end}"
     amount = f" by {action.amount:g}" if action.type == "scroll" and action.amount else ""
-    return f"{action.type}{place}{end}{amount}"
+    return f"{action.type}{start}{end}{amount}"
 
 
 def read_boxes(
@@ -274,18 +276,18 @@ def read_boxes(
 def read_action(value: object, size: Size, problems: LineProblems) -> Action | None:
     """Return the action of a line; all mistakes in it are noted."""
     if value is None:
-        problems.found.append(FieldError("action", "is missing"))
+        problems.errors.append(FieldError("action", "is missing"))
         return None
     if not isinstance(value, dict):
         problems.of(lambda: fields.mapping(value, "action"))
         return None
     remaining = dict(cast("dict[str, Any]", value))
-    before = len(problems.found)
+    before = len(problems.errors)
     for _ in range(len(remaining) + len(ACTION_FIELDS)):
         action = problems.of(lambda: fields.action(remaining, size))
         if action is not None:
-            return action if len(problems.found) == before else None
-        if not _without(remaining, problems.found[-1].field):
+            return action if len(problems.errors) == before else None
+        if not _without(remaining, problems.errors[-1].field):
             return None
     return None
 
@@ -324,7 +326,7 @@ def read_apps(record: JsonObject) -> tuple[str, ...]:
 
 
 @lru_cache(1024)  # the lines of a file have the same names
-def _meant(name: str, field_names: tuple[str, ...]) -> str | None:
+def _suggest_field(name: str, field_names: tuple[str, ...]) -> str | None:
     synonym = OTHER_NAMES.get(name.lower())
     if synonym in field_names:
         return synonym

@@ -59,7 +59,7 @@ class PublishedSet(FileReader, ABC):
     Its files are not recognized: detection leaves them to `grounding`.
 
     A subclass sets `name`; `layout`, how its folder looks, for errors; `picture`, the field that
-    names the picture; `folder`, where pictures lie; `stated`, the field with the size of the
+    names the picture; `folder`, where pictures lie; `size_field`, the field with the size of the
     picture, if there is one; and `extra_fields`, those that go into `extra`.
     """
 
@@ -67,7 +67,7 @@ class PublishedSet(FileReader, ABC):
     layout: str = ""
     picture: str = ""
     folder: str = ""
-    stated: str = ""
+    size_field: str = ""
     extra_fields: tuple[str, ...] = ()
     suffixes = ()
     episodes: str = PICTURE_EPISODES
@@ -112,9 +112,9 @@ class PublishedSet(FileReader, ABC):
             inside(root, name, "")
             for row in json_rows(file):
                 try:
-                    targets.append(self._shown(row, file, root))
+                    targets.append(self._read_target(row, file, root))
                 except FieldError as error:
-                    yield Rejected(name, row.where, error.field, error.reason)
+                    yield Rejected(name, row.location, error.field, error.reason)
         except FieldError as error:
             yield Rejected(name, "", error.field, error.reason)
         except OSError as error:
@@ -125,14 +125,14 @@ class PublishedSet(FileReader, ABC):
             try:
                 yield self._trajectory(target, stem, elements.get(target.image, ()))
             except FieldError as error:
-                yield Rejected(name, target.row.where, error.field, error.reason)
+                yield Rejected(name, target.row.location, error.field, error.reason)
 
-    def _shown(self, row: JsonRow, file: Path, root: Path) -> _Target:
+    def _read_target(self, row: JsonRow, file: Path, root: Path) -> _Target:
         record = row.record
         value = record.get(self.picture)
         image, size = picture_at(value, file, root, self.picture, (self.folder,))
-        if self.stated:
-            _check_stated(record.get(self.stated), size, self.stated)
+        if self.size_field:
+            _check_size(record.get(self.size_field), size, self.size_field)
         return _Target(row, image, size, self.target(record, size))
 
     def _trajectory(self, entry: _Target, stem: str, around: tuple[Box, ...]) -> Trajectory:
@@ -168,15 +168,15 @@ def click_at(record: JsonObject, key: str, form: Form, size: Size) -> GroundingT
     return GroundingTarget(action=Action("click", x, y), box=box)
 
 
-def _check_stated(stated: object, size: Size, field: str) -> None:
+def _check_size(recorded_size: object, size: Size, field: str) -> None:
     """Check the size that a row states.
 
     Raises:
         FieldError: the picture has another size, or no size is stated.
     """
     height, width = size
-    if stated != [width, height]:
-        reason = f"is {short_repr(stated)}, but the picture is {width}x{height}"
+    if recorded_size != [width, height]:
+        reason = f"is {short_repr(recorded_size)}, but the picture is {width}x{height}"
         raise FieldError(field, reason)
 
 

@@ -46,10 +46,10 @@ class ReaderOptions:
     episode_key: str | None = None
 
     def __post_init__(self) -> None:
-        allowed = {"coordinates": COORDINATES, "boxes": BOXES}
+        choices = {"coordinates": COORDINATES, "boxes": BOXES}
         for name, value in self.to_data().items():
-            if name in allowed and value not in allowed[name]:
-                raise BuildError(f"{name} {value!r} is not known{suggest(value, allowed[name])}")
+            if name in choices and value not in choices[name]:
+                raise BuildError(f"{name} {value!r} is not known{suggest(value, choices[name])}")
 
     def to_data(self) -> dict[str, str]:
         """Return the choices that are set, as JSON data."""

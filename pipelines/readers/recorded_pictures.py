@@ -67,11 +67,11 @@ def read_picture(image: str, name: str) -> bytes:
     try:
         if not image.startswith(_MARK):
             return Path(image).read_bytes()
-        place = json.loads(image.removeprefix(_MARK))
-        if "json" in place:
-            offset, *pointer = place["json"]
-            return decode_base64(_at(_record(place["file"], offset), pointer))
-        return as_bytes(_parquet_value(place["file"], *place["parquet"]))
+        location = json.loads(image.removeprefix(_MARK))
+        if "json" in location:
+            offset, *pointer = location["json"]
+            return decode_base64(_at(_record(location["file"], offset), pointer))
+        return as_bytes(_parquet_value(location["file"], *location["parquet"]))
     except FieldError as error:
         raise ImageError(f"{name}: {error}") from None
     except OSError as error:
@@ -82,14 +82,14 @@ def read_picture(image: str, name: str) -> bytes:
 
 def picture_name(image: str, root: Path) -> str:
     """Return a picture's name in reports: relative to the source, with its place in the file."""
-    place = _place(image)
+    location = _parse_reference(image)
     name = relative_name(picture_file(image), root)
-    if "parquet" in place:
-        group, row, column, item = place["parquet"]
+    if "parquet" in location:
+        group, row, column, item = location["parquet"]
         index = "" if item is None else f"[{item}]"
         return f"{name}: row group {group}, row {row}, {column}{index}"
-    if "json" in place:
-        offset, *pointer = place["json"]
+    if "json" in location:
+        offset, *pointer = location["json"]
         line = "" if offset == _WHOLE_FILE else f" at byte {offset}"
         return f"{name}{line}: {'.'.join(map(str, pointer))}"
     return name
@@ -97,7 +97,7 @@ def picture_name(image: str, root: Path) -> str:
 
 def picture_file(image: str) -> Path:
     """Return the file that holds a picture."""
-    return Path(_place(image).get("file", image))
+    return Path(_parse_reference(image).get("file", image))
 
 
 def decode_base64(value: object) -> bytes:
@@ -134,7 +134,7 @@ def as_bytes(value: object) -> bytes:
     return data
 
 
-def _place(image: str) -> dict[str, Any]:
+def _parse_reference(image: str) -> dict[str, Any]:
     if not image.startswith(_MARK):
         return {}
     return json.loads(image.removeprefix(_MARK))

@@ -348,8 +348,8 @@ def walk(path: Path, *, pictures: bool = False) -> Iterator[Path | tuple[Path, s
     if path.is_file():
         yield _check_file(path, root)
         return
-    closed: list[OSError] = []
-    for folder, folders, files in os.walk(path, onerror=closed.append):
+    walk_errors: list[OSError] = []
+    for folder, folders, files in os.walk(path, onerror=walk_errors.append):
         folders[:] = sorted(_folders_to_walk(folder, folders))
         for name in list(folders):
             if not is_utf8(name):
@@ -361,7 +361,7 @@ def walk(path: Path, *, pictures: bool = False) -> Iterator[Path | tuple[Path, s
             item = _check_file(Path(folder, name), root)
             if isinstance(item, Path) or pictures or not is_picture(item[0]):
                 yield item
-    for error in closed:
+    for error in walk_errors:
         yield Path(os.fspath(error.filename)), f"cannot be entered ({error.strerror})"
 
 

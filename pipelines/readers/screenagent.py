@@ -134,8 +134,8 @@ class _Session:
 
     def _step(self, record: JsonObject, name: str, index: int) -> Step:
         folder = relative_name(self.folder, self.root)
-        place = IMAGES if (self.folder / IMAGES).is_dir() else ""
-        image = inside(self.root, os.path.join(folder, place, name), "saved_image_name")
+        image_folder = IMAGES if (self.folder / IMAGES).is_dir() else ""
+        image = inside(self.root, os.path.join(folder, image_folder, name), "saved_image_name")
         size = _checked_size(record, image_size(image, "saved_image_name"))
         listed = fields.items(record, "actions")
         entries = [fields.mapping(entry, f"actions[{i}]") for i, entry in enumerate(listed)]
@@ -174,13 +174,13 @@ def _action(entries: list[JsonObject], size: Size) -> Action:
     for index, entry in enumerate(entries):
         kind = entry.get("action_type")
         if kind in _ON_SCREEN:
-            place = f"actions[{index}]"
+            field = f"actions[{index}]"
             try:
-                return fields.check_on_screen(_read(entry, str(kind)), size, place)
+                return fields.check_on_screen(_read(entry, str(kind)), size, field)
             except FieldError:
                 raise
             except HijackError as error:
-                raise FieldError(place, str(error)) from None
+                raise FieldError(field, str(error)) from None
         if kind not in _TEXT_ACTIONS:
             raise FieldError(
                 f"actions[{index}].action_type",
@@ -204,16 +204,16 @@ def _read(entry: JsonObject, kind: str) -> Action:
 
 def _mouse(entry: JsonObject) -> Action:
     name = str(entry.get("mouse_action_type"))
-    place = _point(entry.get("mouse_position"))
+    point = _point(entry.get("mouse_position"))
     if name in _BUTTONS:
-        return action_at(click_type(entry.get("mouse_button", "left"), _BUTTONS[name]), place)
+        return action_at(click_type(entry.get("mouse_button", "left"), _BUTTONS[name]), point)
     if name in _SCROLLS:
         notches = number(entry.get("scroll_repeat", 1), "scroll_repeat")
-        return action_at("scroll", place, amount=_SCROLLS[name] * notches)
+        return action_at("scroll", point, amount=_SCROLLS[name] * notches)
     if name in _PLAIN:
-        return action_at(_PLAIN[name], place)
-    if name == "drag" and place is not None:
-        return Action("drag", x2=place[0], y2=place[1])
+        return action_at(_PLAIN[name], point)
+    if name == "drag" and point is not None:
+        return Action("drag", x2=point[0], y2=point[1])
     reason = f"{short_repr(name)} is not an action of the mouse"
     raise FieldError("actions.mouse_action_type", reason)
 
@@ -221,8 +221,8 @@ def _mouse(entry: JsonObject) -> Action:
 def _point(value: object) -> tuple[int, int] | None:
     if value is None:
         return None
-    place = cast("dict[str, Any]", value) if isinstance(value, dict) else {}
-    x, y = (number(place.get(key), f"mouse_position.{key}") for key in ("width", "height"))
+    coordinates = cast("dict[str, Any]", value) if isinstance(value, dict) else {}
+    x, y = (number(coordinates.get(key), f"mouse_position.{key}") for key in ("width", "height"))
     if max(abs(x), abs(y)) > fields.MAX_PIXEL:
         raise FieldError("actions.mouse_position", f"{short_repr(value)} is beyond any screen")
     if are_fractions((x, y)):

@@ -22,7 +22,7 @@ class ScreenSpotPro(PublishedSet):
     layout = "tables in annotations/*.json, and their pictures below images/"
     picture = "img_filename"
     folder = "images"
-    stated = "img_size"
+    size_field = "img_size"
     extra_fields = ("id", "ui_type", "group", "instruction_cn")
 
     def is_table(self, file: Path) -> bool:

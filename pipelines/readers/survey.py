@@ -120,13 +120,13 @@ def survey(path: str | os.PathLike[str], format: str | None = None) -> Survey:
 def _part(root: Path, files: list[Path]) -> Part:
     """Return files in the order in which a folder is walked: its files, then its folders."""
 
-    def place(file: Path) -> list[tuple[bool, str]]:
+    def walk_key(file: Path) -> list[tuple[bool, str]]:
         *folders, name = file.relative_to(root).parts
         key = [(True, folder) for folder in folders]
         key.append((False, name))
         return key
 
-    return Part(root, tuple(sorted(files, key=place)))
+    return Part(root, tuple(sorted(files, key=walk_key)))
 
 
 def detect_format(path: str | os.PathLike[str]) -> str:

@@ -79,22 +79,22 @@ def call_arguments(function: JsonObject) -> JsonObject:
 
 
 def _action(name: str, arguments: JsonObject, scaling: Scaling) -> Action:
-    place = _place(arguments, "coordinate", scaling)
+    point = _point(arguments, "coordinate", scaling)
     button = arguments.get("button") or "left"
     if name in _POINTERS:
-        return action_at(_POINTERS[name], place)
+        return action_at(_POINTERS[name], point)
     if name in _KEYS:
         return _key(name, arguments)
     match name:
         case "click" | "tap":
-            return action_at(click_type(button, _clicks(arguments)), place)
+            return action_at(click_type(button, _clicks(arguments)), point)
         case "mouse_down" | "mouse_up":
             return Action(name if button == "left" else "other")
-        case "drag" | "swipe" if place is not None:
-            start = _place(arguments, "start_coordinate", scaling)
-            return action_at("drag", start, x2=place[0], y2=place[1])
+        case "drag" | "swipe" if point is not None:
+            start = _point(arguments, "start_coordinate", scaling)
+            return action_at("drag", start, x2=point[0], y2=point[1])
         case "scroll":
-            return _scroll(arguments, place)
+            return _scroll(arguments, point)
         case "type":
             return Action("type", text=text(arguments.get("text"), "text"))
         case "wait":
@@ -105,7 +105,7 @@ def _action(name: str, arguments: JsonObject, scaling: Scaling) -> Action:
             raise ActionError(f"{short_repr(name)} is not an action that is known")
 
 
-def _place(arguments: JsonObject, key: str, scaling: Scaling) -> tuple[int, int] | None:
+def _point(arguments: JsonObject, key: str, scaling: Scaling) -> tuple[int, int] | None:
     # Parquet stores null for arguments that an action does not have.
     if arguments.get(key) is None:
         return None
@@ -128,14 +128,14 @@ def _clicks(arguments: JsonObject) -> int:
     return int(clicks) if 0 < clicks < 10 else 0
 
 
-def _scroll(arguments: JsonObject, place: tuple[int, int] | None) -> Action:
+def _scroll(arguments: JsonObject, point: tuple[int, int] | None) -> Action:
     amount = number(arguments.get("amount"), "amount")
     direction = arguments.get("direction")
     if direction in ("left", "right"):
-        return action_at("other", place)
+        return action_at("other", point)
     if direction == "down":
         amount = -amount
     elif direction != "up":
         excerpt = short_repr(direction)
         raise ActionError(f"direction must be up, down, left or right, got {excerpt}")
-    return action_at("scroll", place, amount=amount)
+    return action_at("scroll", point, amount=amount)

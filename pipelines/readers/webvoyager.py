@@ -114,8 +114,8 @@ def _instruction(text: str) -> str:
 
 
 def _step(text: str, number: int, folder: Path, root: Path) -> Step:
-    place = relative_name(folder / f"screenshot{number}.png", root)
-    image = inside(root, place, "screenshot")
+    image_name = relative_name(folder / f"screenshot{number}.png", root)
+    image = inside(root, image_name, "screenshot")
     size = image_size(image, "screenshot")
     labels = list(_LABEL.finditer(text))
     if not labels:
@@ -145,8 +145,8 @@ def _action(code: str, size: Size) -> Action:
     raise FieldError("content", f"{short_repr(code)} is not an action of WebVoyager")
 
 
-def _scroll(place: str, direction: str, size: Size) -> Action:
-    if place != "WINDOW":
+def _scroll(target: str, direction: str, size: Size) -> Action:
+    if target != "WINDOW":
         return Action("other")  # inside a mark: the pointer is not there
     notches = round(size[0] * _SCROLL_SHARE / PIXELS_PER_NOTCH)
     return Action("scroll", amount=notches if direction == "up" else -notches)

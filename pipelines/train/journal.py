@@ -95,7 +95,9 @@ def save_checkpoint(
         "lengths": journal.lengths(),
         "state": dict(state),
     }
-    replace_atomic(journal.folder / CHECKPOINT, lambda place: torch.save(data, place))
+    replace_atomic(
+        journal.folder / CHECKPOINT, lambda temporary_path: torch.save(data, temporary_path)
+    )
 
 
 def load_checkpoint(journal: TrainJournal, run: Mapping[str, Any]) -> dict[str, Any] | None:

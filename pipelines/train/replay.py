@@ -92,9 +92,9 @@ class ReplayBuffer:
         if not successes:
             return group
         stream = Stream(self.seed, _STREAM, group[0].request.group, step)
-        place = stream.integer(0, len(group) - 1) if self.slot is None else self.slot
+        slot = stream.integer(0, len(group) - 1) if self.slot is None else self.slot
         stored = successes[stream.integer(0, len(successes) - 1)]
-        group[min(place, len(group) - 1)] = replace(stored, replayed=True)
+        group[min(slot, len(group) - 1)] = replace(stored, replayed=True)
         return group
 
     def _is_due(self, group: Sequence[Rollout], rewards: Sequence[float]) -> bool:
@@ -124,7 +124,7 @@ class ReplayBuffer:
             run: the fingerprint of the run, which `load` requires.
         """
         data = {"format": FORMAT, "version": VERSION, "run": run, "kept": self.state()}
-        replace_atomic(path, lambda place: torch.save(data, place))
+        replace_atomic(path, lambda temporary_path: torch.save(data, temporary_path))
 
     def load(self, path: Path, *, run: str) -> None:
         """Read a buffer that `save` wrote.

@@ -75,7 +75,7 @@ class CorruptionSampler:
         planner = self.planner
         sample: str = key
         while isinstance(planner, OneOf | Schedule):
-            choice = planner.chosen(seed=self.seed, sample=sample, step=at, epoch=epoch)
+            choice = planner.choose(seed=self.seed, sample=sample, step=at, epoch=epoch)
             if choice is None:
                 planner = None
                 break

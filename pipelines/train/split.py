@@ -83,16 +83,16 @@ def check_split(
     overlap = [name for name in names if name in reported]
     if overlap:
         raise LeakError(
-            f"{source}: {_some(overlap)} would be trained on and reported: the result would say"
-            " nothing of other tasks; take them out of one of the two"
+            f"{source}: {_listed_tasks(overlap)} would be trained on and reported: the result would"
+            " say nothing of other tasks; take them out of one of the two"
         )
     for family in ("suite", osworld_split, "toy"):
         held_out = set(members(f"{family}/{HELD_OUT}"))
         leaked = [name for name in names if name in held_out]
         if leaked:
             raise LeakError(
-                f"{source}: {_some(leaked)} of {family}/{HELD_OUT} must not be trained on: results"
-                f" are reported on them; take tasks of {family}/{TRAINING}"
+                f"{source}: {_listed_tasks(leaked)} of {family}/{HELD_OUT} must not be trained on:"
+                f" results are reported on them; take tasks of {family}/{TRAINING}"
                 + _authors_hint(family, names)
             )
 
@@ -116,7 +116,7 @@ def _authors_hint(family: str, names: list[str]) -> str:
     )
 
 
-def _some(names: list[str]) -> str:
+def _listed_tasks(names: list[str]) -> str:
     plural = "s" if len(names) > 1 else ""
     return f"task{plural} {shorten_list(names, _MAX_NAMES)}"
 
@@ -146,7 +146,7 @@ def _sides(family: str) -> dict[str, tuple[str, ...]]:
         sides[side] = tuple(str(task) for task in tasks)
     overlap = sorted(set(sides[TRAINING]) & set(sides[HELD_OUT]))
     if overlap:
-        raise HijackError(f"{name}: {_some(overlap)} on both sides of the split")
+        raise HijackError(f"{name}: {_listed_tasks(overlap)} on both sides of the split")
     return sides
 
 
@@ -157,9 +157,9 @@ def _suite_file() -> tuple[str, bytes]:
         HijackError: the package is not complete.
     """
     spec = importlib.util.find_spec("online_env")
-    places = [] if spec is None else list(spec.submodule_search_locations or ())
-    for place in places:
-        path = Path(place) / "tasks" / "suite" / "sets.yaml"
+    folders = [] if spec is None else list(spec.submodule_search_locations or ())
+    for folder in folders:
+        path = Path(folder) / "tasks" / "suite" / "sets.yaml"
         if path.is_file():
             return str(path), path.read_bytes()
     raise HijackError("online_env/tasks/suite/sets.yaml is missing: install agenthijack again")

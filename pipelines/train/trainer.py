@@ -207,9 +207,9 @@ class Trainer:
         Raises:
             TrainError: nothing could be played, or the loss is not finite.
         """
-        epoch, place = divmod(self.step_number, self.steps_per_epoch)
+        epoch, batch_index = divmod(self.step_number, self.steps_per_epoch)
         report = StepReport(step=self.step_number, epoch=epoch)
-        tasks = self._order(epoch)[place * self.settings.batch :][: self.settings.batch]
+        tasks = self._order(epoch)[batch_index * self.settings.batch :][: self.settings.batch]
         rollouts = play(
             self._environments,
             self.policy,
@@ -399,13 +399,15 @@ def _by_response(
     """Join the turns of each rollout: float `[N, K]` becomes `[R, T * K]`, T the most turns."""
     max_turns = max(Counter(owner).values())
     width = by_turn.shape[1]
-    place = torch.zeros(len(owner), dtype=torch.long)
+    row_indices = torch.zeros(len(owner), dtype=torch.long)
     turns_before: Counter[int] = Counter()
     for i, rollout in enumerate(owner):
-        place[i] = rollout * max_turns + turns_before[rollout]
+        row_indices[i] = rollout * max_turns + turns_before[rollout]
         turns_before[rollout] += 1
     joined = torch.zeros(count * max_turns, width, dtype=by_turn.dtype).index_copy(
-        0, place, by_turn
+        0, row_indices, by_turn
     )
-    mask = torch.zeros(count * max_turns, width, dtype=torch.bool).index_copy(0, place, is_token)
+    mask = torch.zeros(count * max_turns, width, dtype=torch.bool).index_copy(
+        0, row_indices, is_token
+    )
     return joined.view(count, -1), mask.view(count, -1)

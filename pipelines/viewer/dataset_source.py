@@ -163,12 +163,12 @@ class DatasetSource:
             return self.data.pixels(clean)[1]
 
     def _clean_row(self, row: int) -> int | None:
-        place = self.index.at(row)
-        step_places = [] if place is None else self.index.same_step(place).tolist()
+        position = self.index.at(row)
+        step_positions = [] if position is None else self.index.same_step(position).tolist()
         return next(
             (
                 int(self.index.rows[p])
-                for p in step_places
+                for p in step_positions
                 if self.index.value("corruption", p) == CLEAN
             ),
             None,

@@ -101,19 +101,19 @@ class Index:
         return len(self.ids)
 
     def at(self, row: int) -> int | None:
-        """Return the place of a row in the index, or `None`."""
-        place = int(np.searchsorted(self.rows, row))
-        if place == len(self) or self.rows[place] != row:
+        """Return the position of a row in the index, or `None`."""
+        position = int(np.searchsorted(self.rows, row))
+        if position == len(self) or self.rows[position] != row:
             return None
-        return place
+        return position
 
-    def value(self, name: str, place: int) -> str:
+    def value(self, name: str, position: int) -> str:
         """Return the value of a column."""
-        code = self.columns[name].codes[place]
+        code = self.columns[name].codes[position]
         return self._names[name][code]
 
     def select(self, filters: Mapping[str, str], text: str) -> RowNumbers:
-        """Return the places of the rows that match, int64 `[M]`.
+        """Return the positions of the rows that match, int64 `[M]`.
 
         Raises:
             UnknownNameError: a filter names an unknown column.
@@ -140,23 +140,23 @@ class Index:
             counts[name] = dict(zip(column.values, numbers.tolist(), strict=True))
         return counts
 
-    def trajectory(self, place: int) -> RowNumbers:
-        """Return the places of the same trajectory under the same corruption, in order."""
-        places = self._places_like(place, "group", "corruption")
-        order = np.argsort(self.steps[places], kind="stable")
-        return places[order]
+    def trajectory(self, position: int) -> RowNumbers:
+        """Return the positions of the same trajectory under the same corruption, in order."""
+        positions = self._positions_like(position, "group", "corruption")
+        order = np.argsort(self.steps[positions], kind="stable")
+        return positions[order]
 
-    def same_step(self, place: int) -> RowNumbers:
-        """Return the places of all rows of the same step: clean, and under each corruption."""
-        places = self._places_like(place, "group")
-        return places[self.steps[places] == self.steps[place]]
+    def same_step(self, position: int) -> RowNumbers:
+        """Return the positions of all rows of the same step: clean, and under each corruption."""
+        positions = self._positions_like(position, "group")
+        return positions[self.steps[positions] == self.steps[position]]
 
-    def _places_like(self, place: int, *names: str) -> RowNumbers:
-        """Return the places of the rows that share the values of some columns."""
+    def _positions_like(self, position: int, *names: str) -> RowNumbers:
+        """Return the positions of the rows that share the values of some columns."""
         mask = np.ones(len(self), bool)
         for name in names:
             codes = self.columns[name].codes
-            mask &= codes == codes[place]
+            mask &= codes == codes[position]
         return np.flatnonzero(mask)
 
     def _masks(self, filters: Mapping[str, str], text: str) -> dict[str, Mask]:

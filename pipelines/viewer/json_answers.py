@@ -42,13 +42,13 @@ def rows(source: ViewerSource, query: Mapping[str, str]) -> dict[str, Any]:
     pages = max(1, -(-len(matches) // ROWS_PER_PAGE))
     page = min(max(1, _number(query.get("page", ""), 1)), pages)
     start = (page - 1) * ROWS_PER_PAGE
-    page_places = matches[start : start + ROWS_PER_PAGE]
+    page_positions = matches[start : start + ROWS_PER_PAGE]
     counts = source.index.counts(filters, text, source.labels)
     return {
         "found": len(matches),
         "page": page,
         "pages": pages,
-        "rows": [_glance(source, place) for place in page_places.tolist()],
+        "rows": [_glance(source, position) for position in page_positions.tolist()],
         "filters": {name: _choices(values, filters.get(name)) for name, values in counts.items()},
     }
 
@@ -65,38 +65,39 @@ def row(source: ViewerSource, query: Mapping[str, str]) -> dict[str, Any]:
         HijackError: there is no such row.
     """
     index = source.index
-    place = _place(source, query.get("row", ""))
+    position = _find_position(source, query.get("row", ""))
     filters, text = _filters(query)
-    places = index.select(filters, text)
-    at = int(np.searchsorted(places, place))
-    matches = at < len(places) and bool(places[at] == place)
+    positions = index.select(filters, text)
+    at = int(np.searchsorted(positions, position))
+    matches = at < len(positions) and bool(positions[at] == position)
     following = at + 1 if matches else at
-    steps = index.trajectory(place)
-    step = int(np.flatnonzero(steps == place)[0])
+    steps = index.trajectory(position)
+    step = int(np.flatnonzero(steps == position)[0])
     return {
-        **_tile(source, place),
-        "trajectory": index.value("trajectory", place),
-        "found": len(places),
+        **_tile(source, position),
+        "trajectory": index.value("trajectory", position),
+        "found": len(positions),
         "position": at if matches else None,
         "page": at // ROWS_PER_PAGE + 1 if matches else None,
-        "back": _row_at(source, places, at - 1),
-        "next": _row_at(source, places, following),
+        "back": _row_at(source, positions, at - 1),
+        "next": _row_at(source, positions, following),
         "step_back": _row_at(source, steps, step - 1),
         "step_next": _row_at(source, steps, step + 1),
-        "steps": [_step_link(index, step_place) for step_place in steps.tolist()],
+        "steps": [_step_link(index, step_position) for step_position in steps.tolist()],
         "same_step": [
-            _corruption_link(index, row_place) for row_place in index.same_step(place).tolist()
+            _corruption_link(index, row_position)
+            for row_position in index.same_step(position).tolist()
         ],
-        "detail": vars(_detail(source, int(index.rows[place]))),
+        "detail": vars(_detail(source, int(index.rows[position]))),
     }
 
 
-def _step_link(index: Index, place: int) -> list[Any]:
-    return [int(index.rows[place]), f"{_mark(index, place)}{index.steps[place]}"]
+def _step_link(index: Index, position: int) -> list[Any]:
+    return [int(index.rows[position]), f"{_mark(index, position)}{index.steps[position]}"]
 
 
-def _corruption_link(index: Index, place: int) -> list[Any]:
-    return [int(index.rows[place]), _mark(index, place) + index.value("corruption", place)]
+def _corruption_link(index: Index, position: int) -> list[Any]:
+    return [int(index.rows[position]), _mark(index, position) + index.value("corruption", position)]
 
 
 def _detail(source: ViewerSource, number: int) -> Detail:
@@ -106,27 +107,27 @@ def _detail(source: ViewerSource, number: int) -> Detail:
         return Detail(problem=str(error), no_before="the row cannot be read")
 
 
-def _tile(source: ViewerSource, place: int) -> dict[str, Any]:
+def _tile(source: ViewerSource, position: int) -> dict[str, Any]:
     index = source.index
-    chips = {name: index.value(name, place) for name in source.chips}
+    chips = {name: index.value(name, position) for name in source.chips}
     return {
-        "row": int(index.rows[place]),
-        "id": index.ids[place],
-        "title": f"{index.value('trajectory', place)} \u00b7 step {index.steps[place]}",
-        "instruction": index.value("instruction", place),
+        "row": int(index.rows[position]),
+        "id": index.ids[position],
+        "title": f"{index.value('trajectory', position)} \u00b7 step {index.steps[position]}",
+        "instruction": index.value("instruction", position),
         "chips": {name: value for name, value in chips.items() if value},
     }
 
 
-def _glance(source: ViewerSource, place: int) -> dict[str, Any]:
+def _glance(source: ViewerSource, position: int) -> dict[str, Any]:
     """Return what a tile shows of a row: the action, and its place on the picture."""
     try:
-        detail = source.glance(int(source.index.rows[place]))
+        detail = source.glance(int(source.index.rows[position]))
     except HijackError:  # the tile shows the error instead of the picture
         detail = Detail()
     action = detail.action or detail.code
     return {
-        **_tile(source, place),
+        **_tile(source, position),
         "action": action,
         "size": detail.size,
         "box": detail.box,
@@ -134,9 +135,9 @@ def _glance(source: ViewerSource, place: int) -> dict[str, Any]:
     }
 
 
-def _mark(index: Index, place: int) -> str:
+def _mark(index: Index, position: int) -> str:
     """Return the mark of a step that an event inserted before the recorded step of its number."""
-    if "inserted" in index.columns and index.value("inserted", place) == INSERTED:
+    if "inserted" in index.columns and index.value("inserted", position) == INSERTED:
         return "+"
     return ""
 
@@ -158,18 +159,18 @@ def _choices(counts: Mapping[str, int], selected: str | None) -> dict[str, Any]:
     return {"values": choices, "more": len(values) - len(choices)}
 
 
-def _place(source: ViewerSource, name: str) -> int:
-    # return the place in the index of a row, named by its number or its id
+def _find_position(source: ViewerSource, name: str) -> int:
+    # return the position of a row in the index, named by its number or its id
     index = source.index
     number = _number(name, -1)
-    place = None
+    position = None
     if number >= 0:
-        place = index.at(number)
+        position = index.at(number)
     elif name in index.ids:
-        place = index.ids.index(name)
-    if place is None:
+        position = index.ids.index(name)
+    if position is None:
         raise HijackError(f"there is no row {name!r} here; give a number from 0 or an id")
-    return place
+    return position
 
 
 def _number(text: str, otherwise: int) -> int:

@@ -89,8 +89,8 @@ class _Handler(BaseHTTPRequestHandler):
         server = cast("ViewServer", self.server)
         if _is_equal(parse_qs(query).get("token", [""])[-1], server.token):
             cookie = f"{server.cookie}={server.token}; Path=/; HttpOnly; SameSite=Strict"
-            place = "/" + path.lstrip("/")  # a path of two slashes would be another host
-            self._answer(303, b"", "text/plain", {"Location": place, "Set-Cookie": cookie})
+            location = "/" + path.lstrip("/")  # a path of two slashes would be another host
+            self._answer(303, b"", "text/plain", {"Location": location, "Set-Cookie": cookie})
             return
         if not _is_equal(self._cookie(server.cookie), server.token):
             self._answer(401, b"open the address that hijack view printed", "text/plain")

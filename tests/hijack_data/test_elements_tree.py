@@ -380,7 +380,7 @@ def test_a_node_has_text_states_and_a_box() -> None:
     place = nodes["Location & path"]
     assert place.text == "/home/user"
     assert place.states == {"showing", "visible"}
-    assert (place.box, place.shown, place.enabled, place.interactive) == (
+    assert (place.box, place.visible, place.enabled, place.interactive) == (
         (50, 30, 650, 62),
         True,
         True,
@@ -388,7 +388,7 @@ def test_a_node_has_text_states_and_a_box() -> None:
     )
     assert place.path == "desktop-frame/application/frame/panel/entry"
     assert nodes["Off"].enabled is False
-    assert nodes["Hidden"].shown is False
+    assert nodes["Hidden"].visible is False
     assert nodes["Hidden"].box == (700, 30, 732, 62)
     assert nodes["just text"].interactive is False
     assert nodes["notes.txt"].box == (-20, 100, 76, 196)
@@ -412,9 +412,9 @@ def test_a_malformed_place_is_no_box_and_an_error_only_for_an_element() -> None:
 def test_windows_and_macos_nodes_have_their_own_roles_names_and_states() -> None:
     states = 'st:visible="True" class:friendly_class_name="TabItem"'
     windows = nodes_from_tree(document(node("pane", states=states), "windows"))[1]
-    assert (windows.role, windows.states, windows.shown) == ("tabitem", {"visible"}, True)
+    assert (windows.role, windows.states, windows.visible) == ("tabitem", {"visible"}, True)
     mac = nodes_from_tree(document(node("text", states='attr:AXTitle=" t"'), "macos"))[1]
-    assert (mac.role, mac.name, mac.shown, mac.interactive) == ("text", " t", True, False)
+    assert (mac.role, mac.name, mac.visible, mac.interactive) == ("text", " t", True, False)
 
 
 def test_the_interactive_elements_of_all_nodes_are_those_of_the_tree() -> None:

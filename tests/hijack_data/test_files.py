@@ -268,7 +268,7 @@ def test_a_target_of_the_wrong_type(path):
 
 def versioned(path):
     return read_versioned_json(
-        path, format="f", version=2, what="the index of a pack", error=AssetError
+        path, format="f", version=2, description="the index of a pack", error=AssetError
     )
 
 
@@ -307,15 +307,15 @@ def test_a_versioned_file_that_is_missing(tmp_path):
         versioned(tmp_path / "none.json")
     with pytest.raises(HijackError, match=r"^record one first$"):
         read_versioned_json(
-            tmp_path / "none", format="f", version=1, what="x", missing="record one first"
+            tmp_path / "none", format="f", version=1, description="x", missing="record one first"
         )
 
 
 def test_data_in_memory_are_checked_alike():
     data = {"format": "f", "version": 1}
-    assert check_versioned(data, format="f", version=1, where="plan", what="a plan") is data
+    assert check_versioned(data, format="f", version=1, source="plan", description="a plan") is data
     with pytest.raises(HijackError, match=r"^plan: not a plan "):
-        check_versioned(None, format="f", version=1, where="plan", what="a plan")
+        check_versioned(None, format="f", version=1, source="plan", description="a plan")
 
 
 def test_what_is_written_is_on_the_disk_before_its_name_is(tmp_path, monkeypatch):

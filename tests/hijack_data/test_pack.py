@@ -27,7 +27,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture(autouse=True)
 def nothing_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each test begins as a new process does."""
-    monkeypatch.setattr(pack_module, "_known", {})
+    monkeypatch.setattr(pack_module, "_asset_cache", {})
     monkeypatch.delenv("AGENTHIJACK_ASSETS", raising=False)
 
 
@@ -70,11 +70,11 @@ def test_choosing_pictures(folder: Path) -> None:
 def test_a_deed_moves_with_its_picture() -> None:
     recorded = RecordedAction(
         Action("drag", 1, 2, 3, 4, keys=("shift",), amount=2), (0, 1, 2, 3)
-    ).moved(10, 20)
+    ).translate(10, 20)
     assert recorded == RecordedAction(
         Action("drag", 11, 22, 13, 24, keys=("shift",), amount=2), (10, 21, 12, 23)
     )
-    assert RecordedAction(Action("hotkey", keys=("esc",))).moved(5, 5) == RecordedAction(
+    assert RecordedAction(Action("hotkey", keys=("esc",))).translate(5, 5) == RecordedAction(
         Action("hotkey", keys=("esc",))
     )
 
@@ -144,7 +144,7 @@ def test_a_plan_is_replayed_from_its_json_in_a_new_process(
         "id": "dialog",
         "sha256": asset.sha256[:16],
     }
-    pack_module._known.clear()
+    pack_module._asset_cache.clear()
     monkeypatch.setenv("AGENTHIJACK_ASSETS", str(folder))
     monkeypatch.setattr("hijack_data.drawing.raster._cache", raster._Cache(2**20))
     assert np.array_equal(hj.apply(hj.Plan.from_json(text), picture), expected)
@@ -154,7 +154,7 @@ def test_plans_whose_pack_is_not_there(
     folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     asset = AssetPack.load(folder).get("gimp-90x70")
-    pack_module._known.clear()
+    pack_module._asset_cache.clear()
     monkeypatch.setattr("hijack_data.drawing.raster._cache", raster._Cache(2**20))
     monkeypatch.setattr(pack_module, "SHIPPED", tmp_path / "none")
     recipes = {"no asset pack there": asset.recipe()}

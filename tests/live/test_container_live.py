@@ -53,7 +53,7 @@ def desktop(embedded_machine, tmp_path_factory):
     needs.root("playing a container engine")
     names = [name for name in cache.names() if os.environ.get(cache.CHOICE) in (None, "", name)]
     if not names:
-        needs.skip(f"no image in {cache.place()}", f"{needs.HIJACK} desktop image build")
+        needs.skip(f"no image in {cache.images_folder()}", f"{needs.HIJACK} desktop image build")
     image = cache.resolve(names[0])
     folder = tmp_path_factory.mktemp("container")
     for name in ("up", "layer"):

@@ -44,7 +44,7 @@ def image(embedded_machine):
         except DesktopError:
             continue
         return name
-    needs.skip(f"no image of the desktop in {cache.place()}", BUILD)
+    needs.skip(f"no image of the desktop in {cache.images_folder()}", BUILD)
 
 
 @pytest.fixture(scope="module")
@@ -92,7 +92,7 @@ def test_nothing_of_the_machine_can_be_read(desktop):
         for path in marks:
             path.unlink(missing_ok=True)
     inside = desktop.execute("cat /proc/self/mountinfo; env; ps ax").output
-    assert str(cache.place()) not in inside
+    assert str(cache.images_folder()) not in inside
     assert "agenthijack" not in inside
 
 

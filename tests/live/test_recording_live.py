@@ -70,7 +70,7 @@ def test_a_way_out_that_does_not_work_is_not_recorded(stage, monkeypatch):
     monkeypatch.setattr(menus, "CANCEL_NAMES", ())
     monkeypatch.setattr(menus, "ESCAPE", {"type": "hotkey", "keys": ["shift"]})
     before = {top.key for top in stage.top_windows()}
-    (value,) = menus._each(stage, "desktop", None, [(menus.Click("Applications"),)])
+    (value,) = menus._record_clicks(stage, "desktop", None, [(menus.Click("Applications"),)])
     assert "neither its button nor Escape" in value.reason
     stage.run("pyautogui.press('esc')")
     stage.settled()
@@ -79,7 +79,7 @@ def test_a_way_out_that_does_not_work_is_not_recorded(stage, monkeypatch):
 
 def test_a_menu_is_cut_to_its_window_and_escape_closes_it(stage):
     with opened(stage, "mousepad", menus.CLICKED_WINDOW_BOX) as top:
-        (value,) = menus._each(stage, "mousepad", top, [(menus.Click("File", "menu"),)])
+        (value,) = menus._record_clicks(stage, "mousepad", top, [(menus.Click("File", "menu"),)])
     assert (value.kind, value.app, value.recover) == ("menu", "mousepad", menus.ESCAPE)
     assert {"Open...", "Close Tab"} <= {target.name for target in value.targets}
     x1, y1, x2, y2 = value.box

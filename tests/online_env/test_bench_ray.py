@@ -127,7 +127,7 @@ def played(folder, engine="local", chosen=None, address=None, desktops=None):
             Silent(),
             at_once=pool.max_episodes,
             stop=pool.stop,
-            place=pool.place,
+            reserve=pool.reserve,
         )
 
 
@@ -219,7 +219,7 @@ def test_a_process_that_is_killed_loses_the_episode_that_it_plays_and_no_other(
     records.create(run, chosen.to_data())
     setup = WorkerSetup(bench=chosen, folder=run, references=references(chosen))
     with open_pool("ray", setup, len(listed), 1, cluster.address) as pool:
-        assert run_jobs(listed, run, 1, pool, Kills(), place=pool.place) == {"ok": 2}
+        assert run_jobs(listed, run, 1, pool, Kills(), reserve=pool.reserve) == {"ok": 2}
     lost, again, second = records.read(run).records
     assert (lost["status"], lost["cause"], lost["score"]) == ("error", "machine", None)
     assert "the process that played the episode on" in lost["problem"]

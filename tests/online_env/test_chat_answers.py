@@ -86,7 +86,7 @@ def test_whatever_is_wrong_in_an_answer_it_is_an_error_of_the_endpoint_or_can_be
             except EndpointError:
                 continue
             ReplyParser(dialect=dialect).read(reply, SIZE)
-            turn = Turn(picture=screen_picture, answer=reply.shown, raw=reply.raw)
+            turn = Turn(picture=screen_picture, answer=reply.transcript, raw=reply.raw)
             body = wire.body(
                 ModelQuery(prompt=Prompt(), picture=screen_picture, turns=(turn,)), settings
             )

@@ -276,7 +276,7 @@ def test_a_list_of_episodes_needs_no_key_and_no_log(tmp_path, monkeypatch):
 
 def test_a_client_that_is_not_installed_names_the_extra(tmp_path, monkeypatch):
     run = Run(tmp_path, "http://127.0.0.1:1")
-    monkeypatch.setattr("hijack_data.extras._found", lambda name: name != "openai")
+    monkeypatch.setattr("hijack_data.extras._is_importable", lambda name: name != "openai")
     with pytest.raises(MissingDependencyError, match=r"needs openai: pip install .*\[agents\]"):
         run("run")
     assert not (tmp_path / "run").exists()

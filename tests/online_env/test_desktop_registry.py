@@ -288,9 +288,9 @@ def test_a_desktop_is_ready_when_its_keeper_says_so_in_whatever_pieces(keeper):
     assert result.wait() == READY
     assert result.wait() is result.record
     assert until(result.ended) == "the display ended"
-    assert not result.gone(), "its keeper clears up"
+    assert not result.has_ended(), "its keeper clears up"
     result.close()
-    assert result.gone()
+    assert result.has_ended()
     assert result.ended() == "the display ended"
 
 
@@ -317,7 +317,7 @@ def test_a_desktop_that_does_not_start_says_why_and_leaves_no_keeper(keeper, cod
         result.wait()
     assert str(caught.value) == message
     assert isinstance(caught.value, HijackError)
-    assert result.gone()
+    assert result.has_ended()
 
 
 def test_a_keeper_that_dies_is_the_end_of_its_desktop(keeper):
@@ -332,7 +332,7 @@ def test_a_keeper_lives_as_long_as_it_is_held(keeper):
     begun = time.monotonic()
     value = keeper("time.sleep(60)")
     value.close(wait=False)
-    until(value.gone)
+    until(value.has_ended)
     stubborn = keeper(
         "import signal\nsignal.signal(15, signal.SIG_IGN)\nsys.stdout.write('{}\\n')\nsys.stdout.flush()\ntime.sleep(60)"
     )

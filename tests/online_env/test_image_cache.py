@@ -178,7 +178,7 @@ def test_an_image_that_was_damaged_is_whole_once_it_is_imported_again(name, pack
         "list": lambda result: (result / manifest.FILES).unlink(),
     }
     _, value = cache.import_file(packed, None, print)
-    result = cache.place() / value.id
+    result = cache.images_folder() / value.id
     if name in damage:
         damage[name](result)
     else:
@@ -199,7 +199,7 @@ def test_an_image_that_was_damaged_is_whole_once_it_is_built_again():
 
 def test_a_damaged_image_that_a_desktop_runs_from_stays(monkeypatch, packed):
     _, value = cache.import_file(packed, None, print)
-    result = cache.place() / value.id
+    result = cache.images_folder() / value.id
     (result / "root/etc/words").write_text("HELLO")
     record = {"id": "d1", "image": result.name}
     monkeypatch.setattr(cache.registry, "records", lambda: [record])

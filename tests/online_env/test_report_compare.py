@@ -171,7 +171,7 @@ def runs(tmp_path):
 def test_agents_are_ranked_where_the_setting_is_the_same(runs):
     run_of(runs / "c", whole("other", dict.fromkeys(CONDITIONS, 9)), max_steps=99)
     boards = rank_agents(read_reports(runs))
-    assert [[(x.rank, x.row.agent, x.place) for x in board.lines] for board in boards] == [
+    assert [[(x.rank, x.row.agent, x.path) for x in board.lines] for board in boards] == [
         [(None, "oracle", "a"), (1, "strong", "deep/b"), (2, "weak", "a")],
         [(1, "other", "c")],
     ]
@@ -219,7 +219,7 @@ def test_a_finished_report_counts_as_a_run(runs, capsys, tmp_path):
     _, out, _ = hijack(capsys, "report", tmp_path / "elsewhere" / "a", "--format", "json")
     (runs / "mine.report.json").write_text(out)
     (board,) = rank_agents(read_reports(runs))
-    values = [(line.place, line.rank) for line in board.lines if line.row.agent == "weak"]
+    values = [(line.path, line.rank) for line in board.lines if line.row.agent == "weak"]
     assert values == [("a", 2), ("mine.report.json", 2)]  # alike, so they share the rank
 
 
@@ -229,7 +229,7 @@ def test_a_run_and_its_own_report_count_once(runs, capsys):
     reports = read_reports(runs)
     assert reports.problems == ()
     (board,) = rank_agents(reports)
-    assert [(line.place, line.rank) for line in board.lines if line.rank] == [
+    assert [(line.path, line.rank) for line in board.lines if line.rank] == [
         ("b.report.json", 1),
         ("a", 2),
     ]
@@ -307,7 +307,7 @@ def test_tasks_of_one_name_from_other_files_are_other_tasks(runs):
     for name, code in (("c", mine), ("d", moved), ("e", edited), ("f", agent)):
         run_of(runs / name, whole("x", SOLVED), code=code)
     boards = rank_agents(read_reports(runs))
-    places = sorted(sorted({line.place for line in board.lines}) for board in boards)
+    places = sorted(sorted({line.path for line in board.lines}) for board in boards)
     assert places == [["a", "deep/b", "f"], ["c", "d"], ["e"]]
 
 

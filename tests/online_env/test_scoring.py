@@ -56,7 +56,7 @@ def played(settings, out, resume=False):
     run = ScoreRun(settings)
     notices = []
     with run.begin(out, resume):
-        run.play(out, run.left(out), lambda *_: None, notices.append)
+        run.play(out, run.remaining_cases(out), lambda *_: None, notices.append)
     return notices, records.read(out)
 
 

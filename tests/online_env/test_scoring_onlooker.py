@@ -54,7 +54,7 @@ def played(folder, agent, out, ask=None):
     )
     run = ScoreRun(settings)
     with run.begin(out, resume=False):
-        run.play(out, run.left(out), lambda *_: None, lambda _: None)
+        run.play(out, run.remaining_cases(out), lambda *_: None, lambda _: None)
     return records.read(out)
 
 

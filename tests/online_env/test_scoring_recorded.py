@@ -33,7 +33,7 @@ def played(folder, agent, out):
     settings = ScoreSettings(dataset=folder, agents=override(Bench(), agent=agent).agents)
     run = ScoreRun(settings)
     with run.begin(out, resume=False):
-        run.play(out, run.left(out), lambda *_: None, lambda _: None)
+        run.play(out, run.remaining_cases(out), lambda *_: None, lambda _: None)
     return run, records.read(out).records
 
 

@@ -142,7 +142,7 @@ def fresh(monkeypatch: pytest.MonkeyPatch) -> Any:
     def use(folder: Path) -> None:
         from hijack_data.drawing import raster
 
-        monkeypatch.setattr(pack_module, "_known", {})
+        monkeypatch.setattr(pack_module, "_asset_cache", {})
         monkeypatch.setattr(raster, "_cache", raster._Cache(2**24))
         monkeypatch.setenv("AGENTHIJACK_ASSETS", str(folder))
 

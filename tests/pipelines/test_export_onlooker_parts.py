@@ -139,7 +139,7 @@ def test_words_for_a_change(boxes: list[tuple[int, int, int, int]], text: str) -
 def test_a_change_is_more_than_noise_and_may_be_of_the_size() -> None:
     whole = (0, 0, 90, 90)
     assert measure(screen(), screen(whole, value=100 + TOLERANCE)) == ScreenChange(
-        0.0, measure(screen(), screen()).place
+        0.0, measure(screen(), screen()).location
     )
     assert measure(screen(), screen(whole, value=101 + TOLERANCE)).share == 1
     assert measure(screen(), screen(whole, value=99 - TOLERANCE)).share == 1

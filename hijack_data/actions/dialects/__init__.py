@@ -109,13 +109,15 @@ _TABLE: Mapping[str, Dialect] = {
 DIALECTS = tuple(_TABLE)
 # Dialects in fractions of the picture, each with the largest fraction; dialects in pixels of the
 # smart-resized picture; dialects whose replies are text other than code.
-FRACTIONS: Mapping[str, int] = {name: one.unit for name, one in _TABLE.items() if one.unit > 0}
-RESIZED_DIALECTS = tuple(name for name, one in _TABLE.items() if one.unit == RESIZED)
+FRACTIONS: Mapping[str, int] = {
+    name: entry.unit for name, entry in _TABLE.items() if entry.unit > 0
+}
+RESIZED_DIALECTS = tuple(name for name, entry in _TABLE.items() if entry.unit == RESIZED)
 TEXT_PARSERS: Mapping[str, Callable[[object, Scaling], list[Action]]] = {
-    name: one.parse for name, one in _TABLE.items() if one.is_text and name != "pyautogui"
+    name: entry.parse for name, entry in _TABLE.items() if entry.is_text and name != "pyautogui"
 }
 # Dialects whose actions are dicts, or JSON of them.
-DICT_DIALECTS = tuple(name for name, one in _TABLE.items() if not one.is_text)
+DICT_DIALECTS = tuple(name for name, entry in _TABLE.items() if not entry.is_text)
 
 
 def map_typed(action: Any, dialect: str, scaling: Scaling) -> Any:

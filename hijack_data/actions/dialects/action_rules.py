@@ -18,7 +18,7 @@ from .field_checks import action_at, key_combination, number
 from .pyautogui_write import hscroll_code, write_pyautogui
 from .unmapped_fields import check_fields
 
-Place: TypeAlias = tuple[int, int] | None
+OptionalPoint: TypeAlias = tuple[int, int] | None
 # Of scrolling without an amount: UI-TARS's own code scrolls by 5.
 DEFAULT_NOTCHES = 5
 # Tools that scroll in pixels: a notch of the wheel scrolls most programs by about this many.
@@ -144,12 +144,12 @@ class Arguments:
             ActionError: it is not there, or is no point of the dialect's space.
             NoSuchPlace: it is -1, -1.
         """
-        place = self.optional_point(*names)
-        if place is None:
+        point = self.optional_point(*names)
+        if point is None:
             raise ActionError(f"{self.label} needs {' and '.join(names)}; give a point")
-        return place
+        return point
 
-    def optional_point(self, *names: str) -> Place:
+    def optional_point(self, *names: str) -> OptionalPoint:
         """Return a point in pixels, or `None` if its arguments are not there.
 
         Raises:
@@ -260,8 +260,8 @@ def point_rule(kind: str, *names: str, optional: bool = False) -> Rule:
     """Return the rule of a click, or another action of a kind, at a point."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
-        place = arguments.optional_point(*names) if optional else arguments.point(*names)
-        return [Meaning(action_at(kind, place))]
+        point = arguments.optional_point(*names) if optional else arguments.point(*names)
+        return [Meaning(action_at(kind, point))]
 
     return rule
 
@@ -279,7 +279,7 @@ def drag_rule(start: Sequence[str], end: Sequence[str], from_pointer: bool = Fal
 
 def type_rule(
     text: str,
-    *place: str,
+    *point_names: str,
     clear: str | bool = False,
     enter: str | bool = False,
     defaults: Mapping[str, bool] | None = None,
@@ -303,7 +303,7 @@ def type_rule(
         return flag
 
     def rule(arguments: Arguments) -> list[Meaning]:
-        spot = arguments.optional_point(*place) if place else None
+        spot = arguments.optional_point(*point_names) if point_names else None
         meanings = [] if spot is None else [Meaning(action_at("click", spot))]
         if says(arguments, clear):
             meanings += [Meaning(Action("hotkey", keys=k)) for k in (("ctrl", "a"), ("delete",))]
@@ -326,12 +326,12 @@ def key_rule(*keys: str) -> Rule:
 
 
 def scroll_rule(
-    *place: str, direction: str = "direction", steps: str = "", default: int = DEFAULT_NOTCHES
+    *point_names: str, direction: str = "direction", steps: str = "", default: int = DEFAULT_NOTCHES
 ) -> Rule:
     """Return the rule of scrolling; `direction` is an argument, or the direction itself."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
-        spot = arguments.optional_point(*place) if place else None
+        spot = arguments.optional_point(*point_names) if point_names else None
         way = direction if direction in _DIRECTIONS else arguments.direction(direction)
         notches = arguments.number(steps, default) if steps else default
         return [scroll_meaning(way, notches, spot)]
@@ -339,13 +339,13 @@ def scroll_rule(
     return rule
 
 
-def scroll_meaning(direction: str, notches: float, place: Place) -> Meaning:
+def scroll_meaning(direction: str, notches: float, point: OptionalPoint) -> Meaning:
     """Return what scrolling by so many notches means."""
     if direction in ("up", "down"):
         amount = notches if direction == "up" else -notches
-        return Meaning(action_at("scroll", place, amount=amount))
+        return Meaning(action_at("scroll", point, amount=amount))
     sideways = notches if direction == "right" else -notches
-    return Meaning(action_at("other", place), code=hscroll_code(sideways, place))
+    return Meaning(action_at("other", point), code=hscroll_code(sideways, point))
 
 
 def wait_rule(seconds: float | None = None, name: str = "") -> Rule:
@@ -383,11 +383,11 @@ def screenshot_rule() -> Rule:
     return lambda _: [Meaning(Action("other"), code=WAIT)]
 
 
-def unsupported_rule(reason: str, *place: str, end: Sequence[str] = ()) -> Rule:
+def unsupported_rule(reason: str, *point_names: str, end: Sequence[str] = ()) -> Rule:
     """Return the rule of an action that a desktop does not have; its points are mapped."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
-        spot = arguments.optional_point(*place) if place else None
+        spot = arguments.optional_point(*point_names) if point_names else None
         if end:
             arguments.optional_point(*end)
         return [Meaning(action_at("other", spot), refusal=reason)]

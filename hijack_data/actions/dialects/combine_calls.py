@@ -37,21 +37,21 @@ def combine(calls: Sequence[Action], size: Size | None) -> Action:
     if not acting:
         return _waited(calls)
     if _is_held(acting):
-        return _held(acting[0], acting[1:-1], size)
+        return _with_held_keys(acting[0], acting[1:-1], size)
     pixels = Scaling.pixels(size)
     action = acting[0]
     for call in acting[1:]:
         action = _merge(action, call, pixels)
     if action.type in ACTION_TYPES:
         return action
-    place = action.point if action.type == DRAGGING else None
-    return _other(place, text=action.text)
+    point = action.point if action.type == DRAGGING else None
+    return _other_action(point, text=action.text)
 
 
-def _other(place: tuple[int, int] | None, text: str | None = None) -> Action:
-    if place is None:
+def _other_action(point: tuple[int, int] | None, text: str | None = None) -> Action:
+    if point is None:
         return Action("other", text=text)
-    return Action("other", place[0], place[1], text=text)
+    return Action("other", point[0], point[1], text=text)
 
 
 def _waited(waits: Sequence[Action]) -> Action:
@@ -69,7 +69,7 @@ def _is_held(calls: Sequence[Action]) -> bool:
     return first.type == "key_down" and last.type == "key_up"
 
 
-def _held(key: Action, inner: Sequence[Action], size: Size | None) -> Action:
+def _with_held_keys(key: Action, inner: Sequence[Action], size: Size | None) -> Action:
     if not inner:
         return replace(key, type="hotkey")
     action = combine(inner, size)
@@ -93,7 +93,7 @@ def _merge(a: Action, b: Action, pixels: Scaling) -> Action:
         merged = replace(a, type="type")
     if merged is not None:
         return merged
-    return _other(a.point or b.point)
+    return _other_action(a.point or b.point)
 
 
 def _after_move(move: Action, b: Action, pixels: Scaling) -> Action | None:

@@ -54,9 +54,9 @@ def map_computer_13(action: object, scaling: Scaling) -> Any:
     """
     fields = _fields(action)
     name, parameters = _read(fields)
-    place = _point(name, parameters)
-    if place is not None:
-        parameters["x"], parameters["y"] = scaling.point(*place)
+    point = _point(name, parameters)
+    if point is not None:
+        parameters["x"], parameters["y"] = scaling.point(*point)
     if isinstance(action, str):
         return action
     if "parameters" not in fields:
@@ -74,27 +74,27 @@ def parse_computer_13(action: object, scaling: Scaling) -> Action:
     """
     name, parameters = _read(_fields(action))
     raw = _point(name, parameters)
-    place = None if raw is None else scaling.point(*raw)
+    point = None if raw is None else scaling.point(*raw)
     match name:
         case "MOVE_TO":
-            return action_at("move", place)
+            return action_at("move", point)
         case "DRAG_TO":
-            x2, y2 = place or (None, None)
+            x2, y2 = point or (None, None)
             return Action("drag", x2=x2, y2=y2)
         case "CLICK":
             clicks = parameters.get("num_clicks", 1)
-            return action_at(click_type(parameters.get("button", "left"), clicks), place)
+            return action_at(click_type(parameters.get("button", "left"), clicks), point)
         case "RIGHT_CLICK" | "DOUBLE_CLICK":
-            return action_at(name.lower(), place)
+            return action_at(name.lower(), point)
         case "MOUSE_DOWN" | "MOUSE_UP":
             is_left = click_type(parameters.get("button", "left"), 1) == "click"
-            return action_at(name.lower() if is_left else "other", place)
+            return action_at(name.lower() if is_left else "other", point)
         case "SCROLL":
             dx = number(parameters.get("dx", 0), "SCROLL dx")
             dy = number(parameters.get("dy", 0), "SCROLL dy")
             if dx and not dy:
-                return action_at("other", place)
-            return action_at("scroll", place, amount=dy)
+                return action_at("other", point)
+            return action_at("scroll", point, amount=dy)
         case "TYPING":
             return Action("type", text=text(parameters.get("text"), "TYPING text"))
         case "HOTKEY":

@@ -52,7 +52,7 @@ def _openai_code(action: object, scaling: Scaling) -> str:
     if name == "click" and arrow is not None:
         return f"pyautogui.hotkey('alt', {arrow!r})"
     if name == "drag":
-        points = [scaling.point(*place) for place in drag_points(fields)]
+        points = [scaling.point(*point) for point in drag_points(fields)]
         if len(points) > 2:
             return _with_keys(parsed.keys, _through(points))
     if name == "scroll":

@@ -186,16 +186,16 @@ def parse_openai_action(action: object, scaling: Scaling) -> Action:
         case "wait":
             return Action("wait")
         case _:
-            place = scaling.point(*_xy(fields, name))
+            point = scaling.point(*_xy(fields, name))
     if name == "scroll":
         across, down = (number(fields.get(f, 0), f"scroll {f}") for f in ("scroll_x", "scroll_y"))
         return (
-            action_at("scroll", place, amount=-down / PIXELS_PER_NOTCH, keys=keys)
+            action_at("scroll", point, amount=-down / PIXELS_PER_NOTCH, keys=keys)
             if down or not across
-            else action_at("other", place)
+            else action_at("other", point)
         )
     types = {"click": click_type(fields.get("button", "left"), 1), "move": "move"}
-    return action_at(types.get(name, name), place, keys=keys)
+    return action_at(types.get(name, name), point, keys=keys)
 
 
 def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]], dict[str, Any]]]:
@@ -236,10 +236,10 @@ def map_anthropic(action: object, scaling: Scaling) -> dict[str, Any]:
     inner, rebuild = anthropic_action(action)
     fields, name = _anthropic(inner)
     for field in ("coordinate", "start_coordinate"):
-        place = _coordinate(fields, name, field, scaling)
-        if place is not None:
+        point = _coordinate(fields, name, field, scaling)
+        if point is not None:
             old = fields[field]
-            fields[field] = with_coordinates(old, place) if isinstance(old, str) else list(place)
+            fields[field] = with_coordinates(old, point) if isinstance(old, str) else list(point)
     if name == "zoom":
         fields["region"] = _region(fields.get("region"), scaling)
     return rebuild(fields)
@@ -267,20 +267,20 @@ def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
             an unknown field may hold coordinates.
     """
     fields, name = _anthropic(action)
-    place = _coordinate(fields, name, "coordinate", scaling)
+    point = _coordinate(fields, name, "coordinate", scaling)
     if name in _ANTHROPIC_CLICKS:
         keys = key_combination(fields["text"], f"{name} text", "+") if fields.get("text") else None
-        return action_at(_ANTHROPIC_CLICKS[name], place, keys=keys)
+        return action_at(_ANTHROPIC_CLICKS[name], point, keys=keys)
     match name:
-        case "left_click_drag" if place is not None:
+        case "left_click_drag" if point is not None:
             return action_at(
                 "drag",
                 _coordinate(fields, name, "start_coordinate", scaling),
-                x2=place[0],
-                y2=place[1],
+                x2=point[0],
+                y2=point[1],
             )
         case "scroll":
-            return _anthropic_scroll(fields, place)
+            return _anthropic_scroll(fields, point)
         case "type":
             return Action("type", text=text(fields.get("text"), "type text"))
         case "key" | "hold_key":
@@ -305,7 +305,7 @@ def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
             return Action("other")
 
 
-def _anthropic_scroll(fields: dict[str, Any], place: tuple[int, int] | None) -> Action:
+def _anthropic_scroll(fields: dict[str, Any], point: tuple[int, int] | None) -> Action:
     amount = number(fields.get("scroll_amount"), "scroll scroll_amount")
     direction = fields.get("scroll_direction")
     if direction not in ("up", "down", "left", "right"):
@@ -313,8 +313,8 @@ def _anthropic_scroll(fields: dict[str, Any], place: tuple[int, int] | None) -> 
             f"scroll scroll_direction must be up, down, left or right, got {short_repr(direction)}"
         )
     if direction in ("left", "right"):
-        return action_at("other", place)
-    return action_at("scroll", place, amount=amount if direction == "up" else -amount)
+        return action_at("other", point)
+    return action_at("scroll", point, amount=amount if direction == "up" else -amount)
 
 
 def _openai(action: object) -> tuple[dict[str, Any], str]:

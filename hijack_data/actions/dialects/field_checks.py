@@ -168,9 +168,9 @@ def click_type(button: object, clicks: object) -> str:
     return _OTHER_BUTTONS.get(button.lower(), "other")
 
 
-def action_at(type: str, place: tuple[int, int] | None, **fields: Any) -> Action:
+def action_at(type: str, point: tuple[int, int] | None, **fields: Any) -> Action:
     """Return an action at a point, or, for `None`, at the pointer."""
-    if place is None:
+    if point is None:
         return Action(type, **fields)
-    x, y = place
+    x, y = point
     return Action(type, x, y, **fields)

@@ -61,12 +61,12 @@ def whole_notches(amount: float) -> int:
     return turned if amount > 0 else -turned
 
 
-def hscroll_code(notches: float, place: tuple[int, int] | None) -> str:
-    """Return code that scrolls sideways, at the pointer if `place` is `None`; right is positive."""
+def hscroll_code(notches: float, point: tuple[int, int] | None) -> str:
+    """Return code that scrolls sideways, at the pointer if `point` is `None`; right is positive."""
     amount = whole_notches(notches)
-    if place is None:
+    if point is None:
         return f"pyautogui.hscroll({amount})"
-    return f"pyautogui.hscroll({amount}, {place[0]}, {place[1]})"
+    return f"pyautogui.hscroll({amount}, {point[0]}, {point[1]})"
 
 
 def _point(x: int | None, y: int | None) -> str:
@@ -87,13 +87,13 @@ def _drag(action: Action) -> str:
 
 
 def _scroll(action: Action) -> str:
-    place = _point(action.x, action.y)
+    coordinates = _point(action.x, action.y)
     if action.amount is None:
         raise unsupported_action_error(action, "pyautogui")
     notches = whole_notches(action.amount)
-    if not place:
+    if not coordinates:
         return f"pyautogui.scroll({notches})"
-    return f"pyautogui.scroll({notches}, {place})"
+    return f"pyautogui.scroll({notches}, {coordinates})"
 
 
 def _type(action: Action) -> str:
@@ -114,7 +114,7 @@ def _hotkey(action: Action) -> str:
     return f"pyautogui.{function}({', '.join(map(repr, keys))})"
 
 
-def _held(name: str) -> Callable[[Action], str]:
+def _call_for_each_key(name: str) -> Callable[[Action], str]:
     return lambda action: "\n".join(f"pyautogui.{name}({key!r})" for key in _keys(action))
 
 
@@ -130,6 +130,6 @@ _POINTER: Mapping[str, Callable[[Action], str]] = {
 _CODE: Mapping[str, Callable[[Action], str]] = {
     "type": _type,
     "hotkey": _hotkey,
-    "key_down": _held("keyDown"),
-    "key_up": _held("keyUp"),
+    "key_down": _call_for_each_key("keyDown"),
+    "key_up": _call_for_each_key("keyUp"),
 }

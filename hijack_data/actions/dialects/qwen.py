@@ -66,17 +66,17 @@ def _drag(arguments: Arguments) -> list[Meaning]:
 def _swipe(arguments: Arguments) -> list[Meaning]:
     if arguments.value("direction") is not None and arguments.value("coordinate2") is None:
         # How far MAI-UI's swipe goes is up to the phone.
-        place = arguments.optional_point("coordinate")
+        point = arguments.optional_point("coordinate")
         arguments.direction()
-        return [Meaning(action_at("other", place), refusal=_PHONE)]
+        return [Meaning(action_at("other", point), refusal=_PHONE)]
     x2, y2 = arguments.point("coordinate2")
     return [Meaning(action_at("drag", arguments.point("coordinate"), x2=x2, y2=y2))]
 
 
 def _scroll(arguments: Arguments) -> list[Meaning]:
-    place = arguments.optional_point("coordinate")
+    point = arguments.optional_point("coordinate")
     return [
-        Meaning(action_at("scroll", place, amount=arguments.number("pixels") / PIXELS_PER_NOTCH))
+        Meaning(action_at("scroll", point, amount=arguments.number("pixels") / PIXELS_PER_NOTCH))
     ]
 
 

@@ -59,9 +59,9 @@ _XML = "<function"
 def _aiming(kind: str) -> Rule:
     # A click may have an end_box, too, which means nothing and is mapped.
     def rule(arguments: Arguments) -> list[Meaning]:
-        place = arguments.point("start_box")
+        point = arguments.point("start_box")
         _optional(arguments, "end_box")
-        return [Meaning(action_at(kind, place))]
+        return [Meaning(action_at(kind, point))]
 
     return rule
 
@@ -72,9 +72,9 @@ def _drag(arguments: Arguments) -> list[Meaning]:
 
 
 def _scroll(arguments: Arguments) -> list[Meaning]:
-    place = _optional(arguments, "start_box")
+    point = _optional(arguments, "start_box")
     _optional(arguments, "end_box")
-    return [scroll_meaning(arguments.direction(), DEFAULT_NOTCHES, place)]
+    return [scroll_meaning(arguments.direction(), DEFAULT_NOTCHES, point)]
 
 
 def _long_press(arguments: Arguments) -> list[Meaning]:

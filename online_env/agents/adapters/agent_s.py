@@ -97,8 +97,8 @@ def plain_aci() -> Any:
             """
             lines: list[str] = []
             if element_description is not None:
-                place = self.generate_coords(element_description, self.obs)
-                x, y = self.resize_coordinates(place)
+                point = self.generate_coords(element_description, self.obs)
+                x, y = self.resize_coordinates(point)
                 lines.append(f"pyautogui.click({x}, {y})")
             if overwrite:
                 lines.append("pyautogui.hotkey('ctrl', 'a')")

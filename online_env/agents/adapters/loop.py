@@ -79,7 +79,7 @@ class _Bridge:
             )
         return self.picture.copy()
 
-    def take(self, code: str, said: str) -> None:
+    def take(self, code: str, words: str) -> None:
         """Pass an action to the agent's thread, and wait for the next picture.
 
         Raises:
@@ -87,7 +87,7 @@ class _Bridge:
         """
         with self._lock:
             self._check()
-            self.turns.put(_Turn(code=code, words=said))
+            self.turns.put(_Turn(code=code, words=words))
             picture = self.pictures.get()
             if picture is None:
                 self._has_ended = True

@@ -68,7 +68,7 @@ class ChatAgent:
         else:  # the history of a tool is made of the model's calls
             instruction = add_notice(instruction, replace(self._notice, reminder=""))
         reply = self._model.ask(self._query(instruction, picture, self._notice.reminder), "act")
-        words = reply.shown
+        words = reply.transcript
         self._turns.append(_make_turn(picture, reply))
         return words, self._parser.read(reply, picture.size)
 
@@ -111,7 +111,7 @@ class ChatAgent:
         return any(turn.summary and not turn.unexpected for turn in self._turns)
 
     def _fill_prompt(self, instruction: str, picture: ScreenPicture, reminder: str) -> Prompt:
-        height, width = self._parser.seen(picture.size)
+        height, width = self._parser.model_size(picture.size)
         values = {
             "instruction": instruction,
             "language": LANGUAGE,
@@ -136,7 +136,7 @@ class ChatAgent:
 
 
 def _make_turn(picture: ScreenPicture, reply: Reply) -> Turn:
-    return Turn(picture=picture, answer=reply.shown[:MAX_ANSWER_CHARS], raw=reply.raw)
+    return Turn(picture=picture, answer=reply.transcript[:MAX_ANSWER_CHARS], raw=reply.raw)
 
 
 def make_agent(settings: AgentSettings, run: ChatRun | None = None) -> ChatAgent | Guarded:

@@ -134,11 +134,11 @@ def read_reminder(text: str) -> str | None:
 
 def read_summary(text: str) -> tuple[str, str]:
     """Return the parts of a summary before and after the words `NOT_THE_AGENT`."""
-    own, _, unexpected = _UNEXPECTED.sub(NOT_THE_AGENT, text, 1).partition(NOT_THE_AGENT)
+    summary, _, unexpected = _UNEXPECTED.sub(NOT_THE_AGENT, text, 1).partition(NOT_THE_AGENT)
     unexpected = unexpected.strip()
     if unexpected.strip(_QUOTES).lower() in ("", _NONE, "nothing"):
         unexpected = ""
-    return own.strip(), unexpected
+    return summary.strip(), unexpected
 
 
 def _error_list(errors: tuple[KnownError, ...]) -> str:

@@ -79,7 +79,7 @@ class ReplyParser:
         try:
             return self._read(reply, size)
         except HijackError as error:
-            return [unreadable_action(error, reply.shown[:_MAX_EXCERPT_CHARS])]
+            return [unreadable_action(error, reply.transcript[:_MAX_EXCERPT_CHARS])]
 
     def _read(self, reply: Reply, size: Size) -> list[str]:
         # Calls of the API stand for themselves, whatever the words beside them.
@@ -105,7 +105,7 @@ class ReplyParser:
             return [code for codes in codes_by_call for code in codes]
         return code_of(text, self.dialect, size, self._resized_size(size))
 
-    def seen(self, size: Size) -> Size:
+    def model_size(self, size: Size) -> Size:
         """Return the (height, width) in whose pixels the model points, for a picture of `size`."""
         pixels = self.dialect not in RESIZED_DIALECTS and self.coordinates != "resized"
         return size if pixels else self._resized_size(size)
@@ -116,7 +116,7 @@ class ReplyParser:
     def _read_calls(self, reply: Reply, text: str, size: Size) -> list[str]:
         """Return the calls of a computer tool; a reply without any ends the episode."""
         if reply.refused:
-            return [self._malformed(reply.shown)]
+            return [self._malformed(reply.transcript)]
         if reply.calls:
             actions: list[str] = []
             for call in reply.calls:
@@ -130,7 +130,7 @@ class ReplyParser:
     def _pyautogui(self, reply: Reply, text: str, size: Size) -> list[str]:
         """Return each block of code as an action; text without a block is an action itself."""
         if reply.calls and not text:
-            return [self._malformed(reply.shown)]
+            return [self._malformed(reply.transcript)]
         blocks = _blocks(text)
         last = _LAST_WORD.search(text)
         if last is not None and not blocks:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from hijack_data.config.nodes import MappingNode, Position, Problems, ScalarNode, kind_of
+from hijack_data.config.nodes import MappingNode, Position, Problems, ScalarNode, describe_node
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.errors import UnknownNameError, suggest
 
@@ -102,6 +102,6 @@ def _read(path: Path) -> Prompt:
         if isinstance(value, str):
             texts[key] = value.strip("\n")
         else:
-            problems.add(item.place, f"{key} must be a text, got {kind_of(item)}")
+            problems.add(item.position, f"{key} must be a text, got {describe_node(item)}")
     problems.check()
     return Prompt(**texts)

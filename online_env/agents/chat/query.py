@@ -113,7 +113,7 @@ class Reply:
     refused: bool = False
 
     @property
-    def shown(self) -> str:
+    def transcript(self) -> str:
         """Its words and calls as one text, for the log and for people."""
         calls = [json.dumps(dict(call), ensure_ascii=False) for call in self.calls]
         return "\n".join(part for part in (self.text, *calls) if part)

@@ -98,15 +98,15 @@ class RequestReplay(NoRecorder):
         Raises:
             ReplayError: The log has a different request here, or none.
         """
-        place = f"{self._path}: step {step} ({role})"
+        location = f"{self._path}: step {step} ({role})"
         if not self._remaining:
-            raise ReplayError(f"{place}: the log has no further request; it is another run's")
+            raise ReplayError(f"{location}: the log has no further request; it is another run's")
         line = self._remaining.pop(0)
         if line.get("sha256") == request_digest(body):
             return line
         difference = _difference(line.get("request"), logged(body))
         raise ReplayError(
-            f"{place}: this request is not in the log, which has step {line.get('step')}"
+            f"{location}: this request is not in the log, which has step {line.get('step')}"
             f" ({line.get('role')}) here; they differ in {difference}"
         )
 
@@ -169,15 +169,15 @@ def _mistake(line: Mapping[str, Any]) -> str:
     return ""
 
 
-def _difference(before: Any, after: Any, place: str = "the request") -> str:
+def _difference(before: Any, after: Any, path: str = "the request") -> str:
     """Return the place of the first difference of two JSON values."""
     if isinstance(before, dict) and isinstance(after, dict):
         for key in {**before, **after}:
             if before.get(key) != after.get(key):
-                return _difference(before.get(key), after.get(key), f"{place}.{key}")
+                return _difference(before.get(key), after.get(key), f"{path}.{key}")
     if isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
         for index, (old, new) in enumerate(zip(before, after, strict=True)):
             if old != new:
-                return _difference(old, new, f"{place}[{index}]")
+                return _difference(old, new, f"{path}[{index}]")
     kind = "a picture" if str(after).startswith("sha256:") else "the value"
-    return f"{place} ({kind})"
+    return f"{path} ({kind})"

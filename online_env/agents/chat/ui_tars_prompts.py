@@ -58,8 +58,8 @@ def read_ui_tars_prompts(path: Path) -> dict[str, str]:
         text = constants[template]
         if action_space is not None:
             text = text.replace("{action_space}", constants[action_space])
-        for theirs, ours in _RENAMED.items():
-            text = text.replace(theirs, ours)
+        for published, ours in _RENAMED.items():
+            text = text.replace(published, ours)
         unknown = sorted(set(_FIELD.findall(text)) - set(FIELDS))
         if unknown:
             raise AgentSetupError(

@@ -162,13 +162,13 @@ class PictureOnlooker:
         """
         if not share:
             return f"{step} Nothing has changed."
-        came = _texts(after, before)
-        went = _texts(before, after)
+        new_texts = _texts(after, before)
+        lost_texts = _texts(before, after)
         parts = [f"{step} {share:.0%} of the screen changed."]
-        if came:
-            parts.append(f"New: {', '.join(came)}.")
-        if went:
-            parts.append(f"Gone: {', '.join(went)}.")
+        if new_texts:
+            parts.append(f"New: {', '.join(new_texts)}.")
+        if lost_texts:
+            parts.append(f"Gone: {', '.join(lost_texts)}.")
         if step.endswith(WAIT):
             parts.append("The agent did nothing to cause it.")
         return " ".join(parts)

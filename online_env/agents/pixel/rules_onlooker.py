@@ -266,8 +266,8 @@ def _find_new_window(
     is_silent = action.type in ("wait", "type") and "\n" not in (action.text or "")
     if not is_silent or len(buttons) <= len(earlier):
         return None
-    known = {even(button.text) for button in earlier}
-    new = [button for button in buttons if even(button.text) not in known]
+    earlier_texts = {even(button.text) for button in earlier}
+    new = [button for button in buttons if even(button.text) not in earlier_texts]
     if len(new) != 1:
         return None
     text = new[0].text

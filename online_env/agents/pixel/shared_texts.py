@@ -37,7 +37,7 @@ class TextFiles:
             read: Reads the part, if no process has.
         """
         path = self._folder / f"{key}.json"
-        lines = _known(path)
+        lines = _read_lines(path)
         if lines is not None:
             return lines, True
         try:
@@ -46,7 +46,7 @@ class TextFiles:
         except OSError:
             return read(), False
         with file_lock:
-            lines = _known(path)
+            lines = _read_lines(path)
             if lines is not None:
                 return lines, True
             lines_read = read()
@@ -55,7 +55,7 @@ class TextFiles:
             return lines_read, False
 
 
-def _known(path: Path) -> TextLines | None:
+def _read_lines(path: Path) -> TextLines | None:
     """Return the content of a file; `None` while it is being written, or if that was cut off."""
     try:
         lines = json.loads(path.read_text())

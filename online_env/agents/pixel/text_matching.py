@@ -111,14 +111,14 @@ def even(text: str) -> str:
 def _significant_characters(text: str) -> tuple[list[str], list[int]]:
     """Return the characters that count, and the place of each in the text."""
     characters: list[str] = []
-    places: list[int] = []
-    for place, character in enumerate(text):
+    indices: list[int] = []
+    for index, character in enumerate(text):
         normalized = unicodedata.normalize("NFKC", character).casefold().translate(_ALIKE)
         for letter in normalized:
             if not letter.isspace():
                 characters.append(letter)
-                places.append(place)
-    return characters, places
+                indices.append(index)
+    return characters, indices
 
 
 def _match_exactly(line: TextLine, text: str) -> TextMatch | None:

@@ -90,7 +90,7 @@ def check(since: int) -> None:
     Raises:
         SetupError: Some files were changed; the message names them.
     """
-    changed_paths = list(_changed("/", _PASSED | mount_points(), since))
+    changed_paths = list(_changed_paths("/", _PASSED | mount_points(), since))
     if changed_paths:
         names = ", ".join(changed_paths[:_MAX_NAMED])
         unnamed = len(changed_paths) - _MAX_NAMED
@@ -112,7 +112,7 @@ def mount_points(mounts: Path = Path("/proc/self/mountinfo")) -> frozenset[str]:
     return frozenset(_ESCAPED.sub(lambda match: chr(int(match[1], 8)), name) for name in names)
 
 
-def _changed(folder: str, skipped: frozenset[str], since: int) -> Iterator[str]:
+def _changed_paths(folder: str, skipped: frozenset[str], since: int) -> Iterator[str]:
     with os.scandir(folder) as scan:
         entries = list(scan)
     for entry in entries:
@@ -122,4 +122,4 @@ def _changed(folder: str, skipped: frozenset[str], since: int) -> Iterator[str]:
         if status.st_ctime_ns > since:
             yield entry.path
         if stat.S_ISDIR(status.st_mode):
-            yield from _changed(entry.path, skipped, since)
+            yield from _changed_paths(entry.path, skipped, since)

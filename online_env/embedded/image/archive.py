@@ -84,7 +84,7 @@ def _add(tar: tarfile.TarFile, folder: Path, entry: Entry) -> None:
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tarfile.TarFile]:
+def _open_tar(path: Path) -> Iterator[tarfile.TarFile]:
     """Yield the tar in a file; what is wrong with it becomes an error that names it.
 
     Raises:
@@ -107,7 +107,7 @@ def read_manifest(path: Path) -> Manifest:
         DesktopImageError: The file is missing, or holds no image.
     """
     try:
-        with _opened(path) as tar:
+        with _open_tar(path) as tar:
             return manifest.parse(_head(tar, path, manifest.NAME), f"{path}:{manifest.NAME}")
     except OSError as error:
         raise DesktopImageError(f"{path}: cannot be read ({error.strerror or error})") from None
@@ -134,7 +134,7 @@ def unpack(path: Path, folder: Path) -> Manifest:
         DesktopImageError: A file is cut off, or not as the manifest says.
         StorageError: The disk is full.
     """
-    with _opened(path) as tar:
+    with _open_tar(path) as tar:
         text = _head(tar, path, manifest.NAME)
         image = manifest.parse(text, f"{path}:{manifest.NAME}")
         listed = _head(tar, path, manifest.FILES)

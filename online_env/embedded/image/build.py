@@ -72,7 +72,7 @@ class Recipe:
         sources: the archives.
         unsigned: take archives whose signature cannot be checked.
         pinned: the packages of a manifest; without it, the newest.
-        packages: in the place of those of the profiles.
+        packages: packages that replace those of the profiles.
     """
 
     profiles: tuple[str, ...]

@@ -29,7 +29,7 @@ from .manifest import Manifest
 
 VARIABLE = "AGENTHIJACK_IMAGES"
 CHOICE = "AGENTHIJACK_IMAGE"
-HOST = "host"  # in the place of a name: the machine's own packages
+HOST = "host"  # stands for the machine's own packages where a name is expected
 ROOT = "root"
 GUEST = "guest"
 BUILDING = ".building-"
@@ -43,13 +43,13 @@ _ROOM = 1.15
 Report = Callable[[str], None]
 
 
-def place() -> Path:
+def images_folder() -> Path:
     """The folder of the images: `$AGENTHIJACK_IMAGES`, or `images` beside the golden homes."""
     folder = os.environ.get(VARIABLE)
     return Path(folder).absolute() if folder else LAYERS / "images"
 
 
-def ensure_place() -> Path:
+def ensure_images_folder() -> Path:
     """Return the folder of the images, made where it is missing.
 
     Others may not look into it: some programs of an image run as the owner of their files.
@@ -58,7 +58,7 @@ def ensure_place() -> Path:
         DesktopImageError: The folder belongs to another user, or its disk runs no programs.
         HijackError: The folder cannot be written.
     """
-    folder = place()
+    folder = images_folder()
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         for name in (_NAMES, "packages"):
@@ -93,7 +93,7 @@ def cache_lock(report: Report) -> Iterator[Path]:
     Raises:
         DesktopImageError: The folder cannot be used.
     """
-    folder = ensure_place()
+    folder = ensure_images_folder()
     path = folder / ".lock"
     try:
         file_lock = lock(path)
@@ -178,7 +178,7 @@ def check_name(name: str) -> str:
 
 def names() -> dict[str, str]:
     """Return the ids of the images by their names; names of images that are gone are left out."""
-    folder = place()
+    folder = images_folder()
     mapping: dict[str, str] = {}
     for path in sorted((folder / _NAMES).glob("[!.]*")):
         image = path.read_text(encoding="ascii", errors="replace").strip()
@@ -193,7 +193,7 @@ def images() -> dict[str, Manifest]:
     Raises:
         DesktopImageError: One is damaged.
     """
-    paths = sorted(place().glob(f"[!.]*/{manifest.NAME}"))
+    paths = sorted(images_folder().glob(f"[!.]*/{manifest.NAME}"))
     return {path.parent.name: manifest.read(path) for path in paths}
 
 
@@ -204,7 +204,7 @@ def resolve(name: str) -> Path:
         DesktopImageError: There is none, or several, or it is for another architecture.
     """
     ids_by_name = names()
-    folder = place()
+    folder = images_folder()
     ids = [path.parent.name for path in sorted(folder.glob(f"[!.]*/{manifest.NAME}"))]
     matches = (
         [ids_by_name[name]]
@@ -254,7 +254,7 @@ def requested_name(name: str | None) -> str:
 
 def _default() -> str:
     try:
-        return (place() / _DEFAULT).read_text(encoding="ascii").strip()
+        return (images_folder() / _DEFAULT).read_text(encoding="ascii").strip()
     except (FileNotFoundError, NotADirectoryError, PermissionError):
         return ""
 
@@ -266,9 +266,9 @@ def make_default(name: str) -> None:
         StorageError: The cache cannot be written.
     """
     if name != HOST:
-        write_atomic(ensure_place() / _DEFAULT, f"{name}\n")
+        write_atomic(ensure_images_folder() / _DEFAULT, f"{name}\n")
         return
-    (place() / _DEFAULT).unlink(missing_ok=True)
+    (images_folder() / _DEFAULT).unlink(missing_ok=True)
 
 
 def find_image_folder(name: str | None) -> Path | None:

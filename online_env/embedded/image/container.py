@@ -231,7 +231,7 @@ def _modules() -> list[Path]:
     paths: list[Path] = []
     for module in process.stdout.split():
         if module.partition(".")[0] in image_python.PACKAGES:
-            place = _CODE.joinpath(*module.split("."))
-            is_package = (place / "__init__.py").is_file()
-            paths.append(place / "__init__.py" if is_package else place.with_suffix(".py"))
+            path = _CODE.joinpath(*module.split("."))
+            is_package = (path / "__init__.py").is_file()
+            paths.append(path / "__init__.py" if is_package else path.with_suffix(".py"))
     return paths

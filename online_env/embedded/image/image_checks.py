@@ -23,13 +23,13 @@ def findings(image: str | None) -> Iterator[Found]:
         image: its name; without it `cache.wanted` decides.
     """
     required = is_asked_for(image)
-    yield _place(required)
+    yield _folder_finding(required)
     yield _image(image, required)
 
 
-def _place(required: bool) -> Found:
+def _folder_finding(required: bool) -> Found:
     name = "image folder"
-    folder = cache.place()
+    folder = cache.images_folder()
     remedy = f"export {cache.VARIABLE}=FOLDER, with a folder on another disk"
     if cache.is_noexec(folder):
         return name, False, f"{folder}: no programs may run there (noexec)", remedy, required

@@ -67,7 +67,7 @@ def build(
     )
     image_name, entry = builder.build(recipe, name, _say)
     if out is not None:
-        archive.write(cache.place() / entry.id, out)
+        archive.write(cache.images_folder() / entry.id, out)
         _say(f"exported to {out} ({out.stat().st_size / 1e6:.0f} MB)")
     if as_json:
         echo(entry.to_json(), nl=False)
@@ -101,7 +101,7 @@ def list_command(as_json: bool) -> None:
         aliases = ", ".join(name for name, target in names.items() if target == key) or "-"
         echo(f"{aliases:16} {key}  {entry.summary}")
     if not rows:
-        echo(f"no images in {cache.place()}; make one with: hijack desktop image build")
+        echo(f"no images in {cache.images_folder()}; make one with: hijack desktop image build")
 
 
 @image.command("import")

@@ -55,7 +55,7 @@ def ensure_image(
         StorageError: The disk is full.
     """
     if source is not None:
-        return _given(source, report)
+        return _resolve_source(source, report)
     images = cache.images()
     present = cache.names().get(cache.requested_name(None), "")
     installed = images[present].profiles if present else ()
@@ -91,7 +91,7 @@ def _own_archives() -> list[sources.AptSource]:
         ) from None
 
 
-def _given(text: str, report: Report) -> str:
+def _resolve_source(text: str, report: Report) -> str:
     if text.startswith(("http://", "https://")):
         return _fetched(text, report)
     path = Path(text)
@@ -111,7 +111,7 @@ def _fetched(url: str, report: Report) -> str:
         DesktopImageError: The image cannot be fetched.
         HijackError: The folder of the images cannot be written.
     """
-    folder = cache.ensure_place()
+    folder = cache.ensure_images_folder()
     report(f"fetching {url}")
     with tempfile.TemporaryFile(dir=folder) as file:
         try:

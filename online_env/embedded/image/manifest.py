@@ -19,7 +19,7 @@ FORMAT = "agenthijack-desktop-image"
 VERSION = 1
 NAME = "manifest.json"
 FILES = "files.jsonl"
-WHAT = "the manifest of a desktop image"
+DESCRIPTION = "the manifest of a desktop image"
 ID_DIGITS = 16
 
 
@@ -87,7 +87,7 @@ def read(path: Path) -> Manifest:
         DesktopImageError: It is missing, or no manifest, or of a later version.
     """
     data = read_versioned_json(
-        path, format=FORMAT, version=VERSION, what=WHAT, error=DesktopImageError
+        path, format=FORMAT, version=VERSION, description=DESCRIPTION, error=DesktopImageError
     )
     return _from_json(data, str(path))
 
@@ -103,7 +103,12 @@ def parse(text: bytes, label: str) -> Manifest:
     except (ValueError, RecursionError) as error:
         raise DesktopImageError(f"{label}: is not JSON ({error})") from None
     checked = check_versioned(
-        data, format=FORMAT, version=VERSION, where=label, what=WHAT, error=DesktopImageError
+        data,
+        format=FORMAT,
+        version=VERSION,
+        source=label,
+        description=DESCRIPTION,
+        error=DesktopImageError,
     )
     return _from_json(checked, label)
 
@@ -117,7 +122,7 @@ def _from_json(data: dict[str, Any], label: str) -> Manifest:
         return Manifest(**fields)
     except (KeyError, TypeError) as error:
         raise DesktopImageError(
-            f"{label}: {WHAT} lacks a field or has a wrong one: {error}"
+            f"{label}: {DESCRIPTION} lacks a field or has a wrong one: {error}"
         ) from None
 
 

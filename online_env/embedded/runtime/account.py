@@ -45,7 +45,7 @@ def write_account(root: Path, passwordless_sudo: bool, shadowed: bool = True) ->
 
 
 def _add(path: Path, line: str) -> None:
-    """Put `line` in the place of the entry of that name."""
+    """Replace the entry of that name by `line`."""
     old = path.read_text(encoding="utf-8", errors="surrogateescape").splitlines()
     rows = [row for row in old if not row.startswith(f"{NAME}:")]
     path.write_text("\n".join([*rows, line, ""]), encoding="utf-8", errors="surrogateescape")

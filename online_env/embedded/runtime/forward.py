@@ -51,8 +51,8 @@ class Owners:
 
         Only a connection that its owner holds counts: the kernel gives the others to root.
         """
-        remote = _shown(caller.getpeername())
-        local = _shown(caller.getsockname())
+        remote = _kernel_notation(caller.getpeername())
+        local = _kernel_notation(caller.getsockname())
         for table in self._tables:
             for row in _rows(table):
                 if row.is_between(remote, local):
@@ -90,7 +90,7 @@ def _rows(table: int) -> "list[_Row]":
     return rows
 
 
-def _shown(address: tuple[str, int]) -> str:
+def _kernel_notation(address: tuple[str, int]) -> str:
     """An IPv4 address and port as the kernel's tables have it, at the end of a mapped one, too."""
     number = int.from_bytes(socket.inet_aton(address[0]), sys.byteorder)
     return f"{number:08X}:{address[1]:04X}"

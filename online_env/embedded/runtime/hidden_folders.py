@@ -35,11 +35,11 @@ def hide(path: str | os.PathLike[str]) -> None:
 
 def hidden() -> tuple[str, ...]:
     """Return all absolute paths to cover: our own, and those that `hide` named."""
-    paths = [os.path.realpath(os.fspath(path)) for path in _own()]
+    paths = [os.path.realpath(os.fspath(path)) for path in _project_folders()]
     return tuple(dict.fromkeys([*paths, *_hidden_by_caller]))
 
 
-def _own() -> Iterator[str | Path]:
+def _project_folders() -> Iterator[str | Path]:
     yield LAYERS
     yield ROOT_LAYERS
     # What was made for this project holds nothing that a desktop needs: a virtual environment, a
@@ -47,14 +47,14 @@ def _own() -> Iterator[str | Path]:
     if sys.prefix != sys.base_prefix:
         yield sys.prefix
     for name in PACKAGES:
-        for place in _places(name):
-            clone = Path(place).parent
+        for folder in _package_folders(name):
+            clone = Path(folder).parent
             is_clone = (clone / "pyproject.toml").exists()
-            yield clone if is_clone else place
+            yield clone if is_clone else folder
     yield from _installed()
 
 
-def _places(name: str) -> list[str]:
+def _package_folders(name: str) -> list[str]:
     """Return the folders of a package."""
     spec = importlib.util.find_spec(name)
     if spec is None:
@@ -69,8 +69,8 @@ def _installed() -> Iterator[Path]:
     except importlib.metadata.PackageNotFoundError:
         return
     for file in files:
-        place = Path(str(file.locate()))
+        path = Path(str(file.locate()))
         if file.parts[0].endswith(".dist-info"):
-            yield place.parent
+            yield path.parent
         elif file.parts[0] not in PACKAGES:
-            yield place
+            yield path

@@ -351,11 +351,11 @@ def clear(record: Record, timeout: float = limits.EXIT_TIMEOUT_S) -> None:
     """
     limits.leave_groups(record["id"], timeout)
     network.remove(record["id"])
-    place = folder(record["id"])
+    desktop_folder = folder(record["id"])
     leaving = RUN / f".{record['id']}"  # so that nobody sees a folder without its record
     shutil.rmtree(leaving, ignore_errors=True)
     with contextlib.suppress(OSError):
-        place.rename(leaving)
+        desktop_folder.rename(leaving)
     shutil.rmtree(leaving, ignore_errors=True)
 
 

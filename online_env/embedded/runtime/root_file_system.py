@@ -36,7 +36,7 @@ READ_ONLY_PROC = ("sys", "sysrq-trigger", "irq", "bus")
 CHROMIUM = Path("usr/lib/chromium")
 LOCAL_BIN = Path(session.TOOLS.lstrip("/"))
 GUEST_FILES = Path(__file__).resolve().parents[1] / "guest"
-# Files that are written in the place of the machine's own.
+# Files that replace the machine's own.
 CHANGED_FILES = (
     Path("etc/passwd"),
     Path("etc/group"),

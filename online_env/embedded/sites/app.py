@@ -90,8 +90,8 @@ class _Static:
 
 async def _read_body(scope: AsgiScope, receive: Receive) -> bytes | None:
     """Return the body of a request, or `None` for one beyond `MAX_BODY`."""
-    declared = dict(scope["headers"]).get(b"content-length", b"0")
-    if not declared.isdigit() or len(declared) > 12 or int(declared) > MAX_BODY:
+    length = dict(scope["headers"]).get(b"content-length", b"0")
+    if not length.isdigit() or len(length) > 12 or int(length) > MAX_BODY:
         return None
     body = bytearray()
     while True:

@@ -41,7 +41,7 @@ def answer(packet: bytes, names: Collection[str], address: IPv4Address) -> bytes
         return None
     if flags & _OPCODE:
         return _reply(ident, flags, _NOT_IMPLEMENTED)
-    end = _end_of_name(packet)
+    end = _find_name_end(packet)
     if questions != 1 or end is None or end + _QUESTION.size > len(packet):
         return _reply(ident, flags, _FORMAT_ERROR)
     question = packet[_HEADER.size : end + _QUESTION.size]
@@ -55,32 +55,32 @@ def answer(packet: bytes, names: Collection[str], address: IPv4Address) -> bytes
     return _reply(ident, flags, _NO_ERROR, question, record)
 
 
-def _end_of_name(packet: bytes) -> int | None:
+def _find_name_end(packet: bytes) -> int | None:
     """Return where the name of the first question ends.
 
     `None` if it is cut short, too long or compressed.
     """
-    place = _HEADER.size
-    while place < len(packet):
-        length = packet[place]
-        place += 1 + length
+    position = _HEADER.size
+    while position < len(packet):
+        length = packet[position]
+        position += 1 + length
         if length == 0:
-            return place
-        if length > MAX_LABEL or place - _HEADER.size > MAX_NAME:
+            return position
+        if length > MAX_LABEL or position - _HEADER.size > MAX_NAME:
             return None
     return None
 
 
 def _name(question: bytes) -> str:
     labels: list[str] = []
-    place = 0
-    length = question[place]
+    position = 0
+    length = question[position]
     while length:
-        start = place + 1
-        place = start + length
-        label = question[start:place].decode("latin-1")
+        start = position + 1
+        position = start + length
+        label = question[start:position].decode("latin-1")
         labels.append(label.replace(".", "\\."))  # a dot inside must not make two labels of it
-        length = question[place]
+        length = question[position]
     return ".".join(labels).lower()
 
 

@@ -107,9 +107,9 @@ def _table() -> str:
 def _slide() -> str:
     frames = ""
     for number, line in enumerate(_note_lines()):
-        place = f'svg:x="3cm" svg:y="{3 + 2 * number}cm" svg:width="20cm" svg:height="2cm"'
+        frame_box = f'svg:x="3cm" svg:y="{3 + 2 * number}cm" svg:width="20cm" svg:height="2cm"'
         text = f"<draw:text-box><text:p>{line}</text:p></draw:text-box>"
-        frames += f"<draw:frame {place}>{text}</draw:frame>"
+        frames += f"<draw:frame {frame_box}>{text}</draw:frame>"
     page = (
         "<office:presentation><draw:page"
         f' draw:name="walk">{frames}</draw:page></office:presentation>'

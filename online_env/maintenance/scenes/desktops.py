@@ -70,7 +70,7 @@ def _picture(stage: RecordingStage, apps: Sequence[App], windows: Sequence[TopWi
         raise DesktopError(f"the panel has no button {title!r}")
     names = ", ".join(app.name for app in apps)
     made_by = f"{names} opened, the last in front; effect minimise"
-    picture = stage.whole(
+    picture = stage.whole_screen(
         "desktop", apps[-1].name, made_by, targets, recover=click("click", button)
     )
     _comes_back(stage, picture, windows[-1], button)

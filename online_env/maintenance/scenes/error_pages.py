@@ -85,7 +85,7 @@ def _panel(stage: RecordingStage, window_picture: Picture) -> Picture:
     _, _, _, end = stage.area()
     left, _, right, bottom = stage.screen
     targets = stage.launcher_targets()
-    screen = stage.whole(
+    screen = stage.whole_screen(
         "panel", window_picture.app, f"{window_picture.made_by}; the panel", targets
     )
     return screen.part("panel", (left, end, right, bottom))

@@ -54,10 +54,10 @@ def _lock_screen(stage: RecordingStage, dialog: Box) -> Picture:
     stage.park()
     action = {"type": "type", "text": f"{PASSWORD}\n", "target_box": list(entry.box)}
     made_by = "effect lock; a key woke the dialog"
-    picture = stage.whole("lock_screen", "", made_by, targets, recover=action)
+    picture = stage.whole_screen("lock_screen", "", made_by, targets, recover=action)
     locker = _locker(stage)
     stage.run(write_code(action))
-    if not stage.gone(locker, 6.0):
+    if not stage.wait_until_gone(locker, 6.0):
         raise DesktopError("the password does not unlock the session")
     return picture
 
@@ -79,8 +79,8 @@ def _dialog(stage: RecordingStage) -> Box:
     """
     _, _, width, height = stage.screen
     dialogs: list[Box] = []
-    for found in stage.look("inner", number=_locker(stage))["boxes"]:
-        x1, y1, x2, y2 = found
+    for inner_box in stage.look("inner", number=_locker(stage))["boxes"]:
+        x1, y1, x2, y2 = inner_box
         if 100 < x2 - x1 < width and 100 < y2 - y1 < height:
             dialogs.append((x1, y1, x2, y2))
     if not dialogs:

@@ -123,7 +123,7 @@ def record(stage: RecordingStage) -> Iterator[Picture | UnrecordedScene]:
                 f"menus of {name}", _in_app(stage, installed_apps[name], rows)
             )
         elif not name:
-            yield from _each(stage, "desktop", None, rows)
+            yield from _record_clicks(stage, "desktop", None, rows)
 
 
 def _in_app(
@@ -131,13 +131,13 @@ def _in_app(
 ) -> Iterator[Picture | UnrecordedScene]:
     top = stage.place(app.open(stage), CLICKED_WINDOW_BOX)
     try:
-        yield from _each(stage, app.name, top, rows)
+        yield from _record_clicks(stage, app.name, top, rows)
     finally:
         stage.close(top)
         end(stage.desktop, app.process)
 
 
-def _each(
+def _record_clicks(
     stage: RecordingStage, app: str, top: TopWindow | None, rows: Sequence[Sequence[Click]]
 ) -> Iterator[Picture | UnrecordedScene]:
     for clicks in rows:
@@ -177,7 +177,7 @@ def _picture(
     yield replace(
         picture,
         kind=_kind(new_window, picture.targets),
-        recover=_leave(stage, lambda: stage.gone(number), picture.targets),
+        recover=_leave(stage, lambda: stage.wait_until_gone(number), picture.targets),
         opened_by=action if len(clicks) == 1 else None,
     )
 
@@ -207,11 +207,11 @@ def _bubble(
     stage.run(write_code(action))
     stage.park()
 
-    def opened(node: TreeNode) -> bool:
+    def is_new_bubble(node: TreeNode) -> bool:
         return node.role in BUBBLE_ROLES and node.box is not None and node.box not in before
 
     hand = Hand(stage.desktop, OPEN_TIMEOUT_S)
-    box = hand.wait(f"bubble after the click on {bubble_click.name}", opened).box
+    box = hand.wait(f"bubble after the click on {bubble_click.name}", is_new_bubble).box
     window_picture = stage.cut("dialog", app, stage.top(top.key), _split_names(app, [bubble_click]))
     if box is None:
         raise DesktopError(f"the tree gives no box for what {bubble_click.name} opened")
@@ -291,9 +291,9 @@ def _large(top: TopWindow) -> bool:
 
 def _split_names(app: str, clicks: Sequence[Click]) -> str:
     places = {"chromium": "the page", "desktop": "the desktop"}
-    place = places.get(app, "the window")
+    default_name = places.get(app, "the window")
     parts = [
-        f"{next_click.kind.replace('_', ' ')} on {next_click.name or place}"
+        f"{next_click.kind.replace('_', ' ')} on {next_click.name or default_name}"
         for next_click in clicks
     ]
     return f"{app}: {', then '.join(parts)}"

@@ -76,11 +76,11 @@ def complete_manager(provider: str) -> None:
         module.AzureVMManager.__abstractmethods__ = frozenset()
 
 
-def _add(place: Any, functions: Iterable[Callable[..., Any]]) -> list[str]:
+def _add(module: Any, functions: Iterable[Callable[..., Any]]) -> list[str]:
     names: list[str] = []
     for function in functions:
         name = function.__name__
-        if not hasattr(place, name):
-            setattr(place, name, function)
+        if not hasattr(module, name):
+            setattr(module, name, function)
             names.append(name)
     return names

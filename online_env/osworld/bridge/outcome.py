@@ -49,13 +49,13 @@ class OutcomeHandler(logging.Handler):
         kind = type(self.error).__name__
         if isinstance(self.error, MissingDependency):
             kind = "missing_package"
-        place = ""
+        location = ""
         for frame in traceback.extract_tb(self.error.__traceback__)[-1:]:
             file = frame.filename.rpartition("site-packages/")[2]
-            place = f"{file}:{frame.lineno}"
+            location = f"{file}:{frame.lineno}"
         return {
             "error": str(self.error)[:WIDTH] or kind,
             "kind": kind,
-            "place": place,
+            "place": location,
             "log": list(self.lines),
         }

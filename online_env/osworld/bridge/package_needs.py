@@ -87,10 +87,10 @@ def _codes(code: types.CodeType) -> Iterator[types.CodeType]:
 def _named(code: types.CodeType, names: _Names) -> Iterator[Any]:
     """Yield what a piece of code names: globals, attributes of modules, and imports."""
     steps = list(dis.get_instructions(code))
-    for place, step in enumerate(steps):
+    for index, step in enumerate(steps):
         if step.opname == "IMPORT_NAME":
-            level = int(steps[place - 2].argval)
-            names_imported = steps[place - 1].argval or ()
+            level = int(steps[index - 2].argval)
+            names_imported = steps[index - 1].argval or ()
             yield from _imported(str(step.argval), level, names_imported, names)
         elif step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
             value = names.get(str(step.argval))

@@ -105,9 +105,9 @@ def _find_trace(folder: Path) -> Path:
     Raises:
         OutcomeError: there are several.
     """
-    trace, *others = sorted(folder.glob(_TRACE))
-    if others:
-        raise OutcomeError(f"{folder}: holds {len(others) + 1} traces; leave the one that counts")
+    trace, *further = sorted(folder.glob(_TRACE))
+    if further:
+        raise OutcomeError(f"{folder}: holds {len(further) + 1} traces; leave the one that counts")
     return trace
 
 

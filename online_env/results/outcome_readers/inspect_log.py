@@ -71,20 +71,20 @@ class InspectReader:
 
 
 def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> EpisodeOutcome:
-    place = f"{path}: sample {sample.id}"
-    score, problem = _score(sample, columns.get("score"), place)
-    seed = _value(log, sample, "seed", columns, place)
+    location = f"{path}: sample {sample.id}"
+    score, problem = _score(sample, columns.get("score"), location)
+    seed = _value(log, sample, "seed", columns, location)
     if seed is not None and (isinstance(seed, bool) or not isinstance(seed, int)):
-        raise OutcomeError(f"{place}: the seed {short_repr(seed)} is no whole number")
+        raise OutcomeError(f"{location}: the seed {short_repr(seed)} is no whole number")
     is_repeated = (log.eval.config.epochs or 1) > 1
     if seed is None or is_repeated:
         seed = sample.epoch - 1 if seed is None else None  # both: numbered in their order
-    task = _value(log, sample, "task", columns, place)
+    task = _value(log, sample, "task", columns, location)
     usage = sample.model_usage.get(log.eval.model)
     return EpisodeOutcome(
-        agent=str(_value(log, sample, "agent", columns, place) or log.eval.model),
+        agent=str(_value(log, sample, "agent", columns, location) or log.eval.model),
         task=f"{log.eval.task}/{sample.id}" if task is None else str(task),
-        condition=str(_value(log, sample, "condition", columns, place) or CLEAN),
+        condition=str(_value(log, sample, "condition", columns, location) or CLEAN),
         score=score,
         seed=seed,
         problem=problem,
@@ -105,28 +105,28 @@ def _content(log: Any, sample: Any) -> str:
     return f"{version}, input {digest[:8]}"
 
 
-def _value(log: Any, sample: Any, field: str, columns: Mapping[str, str], place: str) -> Any:
+def _value(log: Any, sample: Any, field: str, columns: Mapping[str, str], location: str) -> Any:
     """Return what a sample or its log says of a field; `None` if nothing does.
 
     Raises:
         OutcomeError: the key that was stated is nowhere.
     """
-    wheres = (sample.metadata or {}, log.eval.metadata or {}, log.eval.task_args or {})
+    mappings = (sample.metadata or {}, log.eval.metadata or {}, log.eval.task_args or {})
     keys = (columns[field],) if field in columns else _KEYS[field]
     for key in keys:
-        for where in wheres:
-            if key in where:
-                return where[key]
+        for mapping in mappings:
+            if key in mapping:
+                return mapping[key]
     if field in columns:
-        known = [key for where in wheres for key in where]
+        keys_in_log = [key for mapping in mappings for key in mapping]
         raise OutcomeError(
-            f"{place}: neither metadata nor task arguments have {columns[field]!r}"
-            f"{suggest(columns[field], known)}"
+            f"{location}: neither metadata nor task arguments have {columns[field]!r}"
+            f"{suggest(columns[field], keys_in_log)}"
         )
     return None
 
 
-def _score(sample: Any, scorer: str | None, place: str) -> tuple[float | None, str]:
+def _score(sample: Any, scorer: str | None, location: str) -> tuple[float | None, str]:
     """Return the score of a sample, or why there is none.
 
     Raises:
@@ -136,10 +136,10 @@ def _score(sample: Any, scorer: str | None, place: str) -> tuple[float | None, s
         return None, f"ended with an error: {sample.error.message[:200]}"
     scores = sample.scores or {}
     if scorer is not None and scorer not in scores and scores:
-        raise OutcomeError(f"{place}: has no scorer {scorer!r}{suggest(scorer, list(scores))}")
+        raise OutcomeError(f"{location}: has no scorer {scorer!r}{suggest(scorer, list(scores))}")
     if scorer is None and len(scores) > 1:
         raise OutcomeError(
-            f"{place}: has several scorers ({shorten_list(list(scores))}); choose one with"
+            f"{location}: has several scorers ({shorten_list(list(scores))}); choose one with"
             " --columns score=NAME"
         )
     if not scores:
@@ -152,6 +152,6 @@ def _score(sample: Any, scorer: str | None, place: str) -> tuple[float | None, s
         return None, "was not scored"
     if not isinstance(number, int | float) or not 0 <= number <= 1:
         raise OutcomeError(
-            f"{place}: the score {short_repr(value)} is none of C, I and P and no number in 0..1"
+            f"{location}: the score {short_repr(value)} is none of C, I and P and no number in 0..1"
         )
     return float(number), ""

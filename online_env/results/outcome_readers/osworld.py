@@ -110,10 +110,10 @@ def _find_layout(
             f"{source}: its tasks lie at different depths; give the folders as several sources"
         )
     values = [sorted(set(column)) for column in zip(*above, strict=True)]
-    condition = _stated(source, values, columns, "condition")
-    agent = _stated(source, values, columns, "agent")
+    condition = _column_position(source, values, columns, "condition")
+    agent = _column_position(source, values, columns, "agent")
     protocol: list[int] = []
-    others: list[int] = []
+    other_levels: list[int] = []
     trial: int | None = None
     for at, names in enumerate(values):
         unknown = [name for name in names if condition_name(name) is None]
@@ -124,7 +124,7 @@ def _find_layout(
         elif at == len(values) - 1 and all(map(str.isdecimal, names)):
             trial = at
         elif len(unknown) == len(names):
-            others.append(at)
+            other_levels.append(at)
         elif unknown or condition is not None:
             raise OutcomeError(
                 f"{source}: it is not clear whether {shorten_list(unknown or names, 5)} are"
@@ -132,9 +132,9 @@ def _find_layout(
             )
         else:
             condition = at
-    varying = [at for at in others if len(values[at]) > 1]
+    varying = [at for at in other_levels if len(values[at]) > 1]
     # After action space and observation comes the model: another folder may be a condition.
-    inner = [at for at in others if at > max(protocol, default=-1)]
+    inner = [at for at in other_levels if at > max(protocol, default=-1)]
     if len(varying) <= (agent is None) < len(inner):
         varying = inner
     if len(varying) > (agent is None):
@@ -144,17 +144,17 @@ def _find_layout(
             f" each, such as --columns condition={varying[0] + 1},agent={varying[-1] + 1}"
         )
     if agent is None:
-        agent = next(iter([*varying, *others[::-1]]), None)
+        agent = next(iter([*varying, *other_levels[::-1]]), None)
     return _Layout(agent, condition, trial, tuple(protocol))
 
 
 def _outer_condition(source: Path) -> str:
     """Return the condition that the source, or the folder that it lies in, is named after."""
-    place = source.resolve()
-    return condition_name(place.name) or condition_name(place.parent.name) or CLEAN
+    folder = source.resolve()
+    return condition_name(folder.name) or condition_name(folder.parent.name) or CLEAN
 
 
-def _stated(
+def _column_position(
     source: Path, values: Sequence[Sequence[str]], columns: Mapping[str, str], field: str
 ) -> int | None:
     """Return the position of the folder that `--columns` states; `None` if it states none.

@@ -62,26 +62,30 @@ def find_condition(source: Path, folder: Path, columns: Mapping[str, str]) -> st
     return names.pop() if names else CLEAN
 
 
-def read_object(path: Path, what: str) -> dict[str, Any]:
+def read_object(path: Path, description: str) -> dict[str, Any]:
     """Return the object in a JSON file.
 
     Args:
         path: the file.
-        what: what it should be, such as `a result of Harbor`, for messages.
+        description: what it should be, such as `a result of Harbor`, for messages.
 
     Raises:
         OutcomeError: it cannot be read, or holds no object.
     """
     try:
         if path.stat().st_size > MAX_JSON:
-            raise OutcomeError(f"{path}: is larger than {MAX_JSON} bytes, so it is not {what}")
+            raise OutcomeError(
+                f"{path}: is larger than {MAX_JSON} bytes, so it is not {description}"
+            )
         data: object = json.loads(path.read_bytes())
     except OSError as error:
         raise OutcomeError(f"{path}: cannot be read ({error.strerror or error})") from None
     except (ValueError, RecursionError) as error:
         raise OutcomeError(f"{path}: is not JSON ({str(error)[:120]})") from None
     if not isinstance(data, dict):
-        raise OutcomeError(f"{path}: is not {what}: must be an object, got {short_repr(data)}")
+        raise OutcomeError(
+            f"{path}: is not {description}: must be an object, got {short_repr(data)}"
+        )
     return data
 
 

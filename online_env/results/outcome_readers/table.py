@@ -79,7 +79,10 @@ class TableReader:
 
 
 def _check_columns(
-    source: Path, available: Iterable[str], names: Mapping[str, str], stated: Mapping[str, str]
+    source: Path,
+    available: Iterable[str],
+    names: Mapping[str, str],
+    named_columns: Mapping[str, str],
 ) -> set[str]:
     """Return the fields that a table has.
 
@@ -87,7 +90,7 @@ def _check_columns(
         OutcomeError: one that was stated, or that is required, is not there.
     """
     for field, column in names.items():
-        if column not in available and (field in stated or field in _REQUIRED):
+        if column not in available and (field in named_columns or field in _REQUIRED):
             raise OutcomeError(
                 f"{source}: has no column {column!r}{suggest(column, list(available))}; name that"
                 f" of the {field} with --columns {field}=COLUMN"
@@ -154,26 +157,28 @@ def _batch(source: str, agent: str, rows: _Rows, names: Mapping[str, str]) -> Ou
     count = len(rows.numbers)
     values = {field: rows.columns[column] for field, column in names.items()}
 
-    def place(position: int) -> str:
+    def locate(position: int) -> str:
         return f"{source}: {rows.unit} {rows.numbers[position]}"
 
-    scores = _scores(values["score"], place)
+    scores = _scores(values["score"], locate)
     return OutcomeBatch(
-        agents=_names(values, "agent", place) if "agent" in values else [agent] * count,
-        tasks=_names(values, "task", place),
-        conditions=_names(values, "condition", place) if "condition" in values else [CLEAN] * count,
+        agents=_names(values, "agent", locate) if "agent" in values else [agent] * count,
+        tasks=_names(values, "task", locate),
+        conditions=_names(values, "condition", locate)
+        if "condition" in values
+        else [CLEAN] * count,
         scores=scores,
-        seeds=_seeds(values["seed"], place) if "seed" in values else None,
+        seeds=_seeds(values["seed"], locate) if "seed" in values else None,
         problems={
             position: "the table has no score"
             for position, score in (enumerate(scores) if None in scores else ())
             if score is None
         },
-        amounts={name: _amounts(values[name], name, place) for name in AMOUNTS if name in values},
+        amounts={name: _amounts(values[name], name, locate) for name in AMOUNTS if name in values},
     )
 
 
-def _names(values: Mapping[str, Sequence[Any]], field: str, place: Any) -> Sequence[str]:
+def _names(values: Mapping[str, Sequence[Any]], field: str, locate: Any) -> Sequence[str]:
     """Return the agents, conditions or tasks of some rows.
 
     Raises:
@@ -185,21 +190,21 @@ def _names(values: Mapping[str, Sequence[Any]], field: str, place: Any) -> Seque
         return column
     for position, value in enumerate(column):
         if value is None or value == "" or value != value:
-            raise OutcomeError(f"{place(position)}: has no {field}; fill the column in every row")
+            raise OutcomeError(f"{locate(position)}: has no {field}; fill the column in every row")
         if not isinstance(value, str | int):
             raise OutcomeError(
-                f"{place(position)}: the {field} {short_repr(value)} is neither a text nor a whole"
+                f"{locate(position)}: the {field} {short_repr(value)} is neither a text nor a whole"
                 " number"
             )
         if type(value) is not type(column[0]):  # 1 and "1" would become one name
             raise OutcomeError(
-                f"{place(position)}: the {field} {short_repr(value)} is of another type than"
+                f"{locate(position)}: the {field} {short_repr(value)} is of another type than"
                 f" {short_repr(column[0])}; write texts, or whole numbers, in every row"
             )
     return [str(value) for value in column]
 
 
-def _scores(column: Sequence[Any], place: Any) -> Sequence[float | None]:
+def _scores(column: Sequence[Any], locate: Any) -> Sequence[float | None]:
     """Return the scores of some rows, `None` where the table has none.
 
     Raises:
@@ -208,7 +213,7 @@ def _scores(column: Sequence[Any], place: Any) -> Sequence[float | None]:
     kinds = set(map(type, column))
     if kinds <= {int, float} and min(column) >= 0 and max(column) <= 1 and not _has_nan(column):
         return column
-    return [_score(value, position, place) for position, value in enumerate(column)]
+    return [_score(value, position, locate) for position, value in enumerate(column)]
 
 
 def _plain(value: Any) -> Any:
@@ -226,7 +231,7 @@ def _has_nan(column: Sequence[float]) -> bool:
     return isnan(sum(column))
 
 
-def _score(value: Any, position: int, place: Any) -> float | None:
+def _score(value: Any, position: int, locate: Any) -> float | None:
     """Return a score, or `None` where the table has none.
 
     Raises:
@@ -240,21 +245,21 @@ def _score(value: Any, position: int, place: Any) -> float | None:
         number = float(_plain(value))
     except (TypeError, ValueError, OverflowError):
         raise OutcomeError(
-            f"{place(position)}: the score {short_repr(value)} is no number; leave it empty if the"
+            f"{locate(position)}: the score {short_repr(value)} is no number; leave it empty if the"
             " episode has no outcome"
         ) from None
     if isnan(number):
         raise OutcomeError(
-            f"{place(position)}: the score is NaN; leave it empty if the episode has no outcome"
+            f"{locate(position)}: the score is NaN; leave it empty if the episode has no outcome"
         )
     if not 0 <= number <= 1:
         raise OutcomeError(
-            f"{place(position)}: the score {number:g} is not in 0..1; scale the column"
+            f"{locate(position)}: the score {number:g} is not in 0..1; scale the column"
         )
     return number
 
 
-def _amounts(column: Sequence[Any], name: str, place: Any) -> Sequence[float | None]:
+def _amounts(column: Sequence[Any], name: str, locate: Any) -> Sequence[float | None]:
     """Return the steps, tokens or cost of some rows, `None` where the table has none.
 
     Raises:
@@ -262,10 +267,10 @@ def _amounts(column: Sequence[Any], name: str, place: Any) -> Sequence[float | N
     """
     if set(map(type, column)) <= {int, float} and all(map(is_amount, column)):
         return column
-    return [_amount(value, name, position, place) for position, value in enumerate(column)]
+    return [_amount(value, name, position, locate) for position, value in enumerate(column)]
 
 
-def _amount(value: Any, name: str, position: int, place: Any) -> float | None:
+def _amount(value: Any, name: str, position: int, locate: Any) -> float | None:
     if value is None or (isinstance(value, str) and value.strip().lower() in _NO_NUMBER):
         return None
     try:
@@ -274,13 +279,13 @@ def _amount(value: Any, name: str, position: int, place: Any) -> float | None:
         number = nan
     if not is_amount(number):
         raise OutcomeError(
-            f"{place(position)}: {name} {short_repr(value)} is no number of at least 0; leave it"
+            f"{locate(position)}: {name} {short_repr(value)} is no number of at least 0; leave it"
             " empty if it is not known"
         )
     return number
 
 
-def _seeds(column: Sequence[Any], place: Any) -> Sequence[int]:
+def _seeds(column: Sequence[Any], locate: Any) -> Sequence[int]:
     """Return the seeds of some rows.
 
     Raises:
@@ -288,29 +293,31 @@ def _seeds(column: Sequence[Any], place: Any) -> Sequence[int]:
     """
     if set(map(type, column)) <= {int} and min(column) >= -_MAX_SEED and max(column) < _MAX_SEED:
         return column
-    return [_seed(value, position, place) for position, value in enumerate(column)]
+    return [_seed(value, position, locate) for position, value in enumerate(column)]
 
 
-def _seed(value: Any, position: int, place: Any) -> int:
+def _seed(value: Any, position: int, locate: Any) -> int:
     try:
         if isinstance(value, bool) or (isinstance(value, float) and not value.is_integer()):
             raise ValueError
         seed = int(_plain(value))
     except (TypeError, ValueError, OverflowError):
         raise OutcomeError(
-            f"{place(position)}: the seed {short_repr(value)} is no whole number"
+            f"{locate(position)}: the seed {short_repr(value)} is no whole number"
         ) from None
     if not -_MAX_SEED <= seed < _MAX_SEED:
-        raise OutcomeError(f"{place(position)}: the seed {short_repr(value)} has more than 63 bits")
+        raise OutcomeError(
+            f"{locate(position)}: the seed {short_repr(value)} has more than 63 bits"
+        )
     return seed
 
 
-def _csv_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
+def _csv_rows(source: Path, column_names: Sequence[str]) -> Iterator[_Rows]:
     with source.open(encoding="utf-8-sig", newline="") as file:
         reader = csv.reader(file, strict=True)
         header = next(reader, [])
         _check_header(source, header)
-        columns = {name: at for at, name in enumerate(header) if name in wanted}
+        columns = {name: at for at, name in enumerate(header) if name in column_names}
         while batch := [(reader.line_num, row) for row in islice(reader, _BATCH)]:
             numbers = [number for number, row in batch if row]
             rows = [row for _, row in batch if row]
@@ -341,7 +348,7 @@ def _check_header(source: Path, header: Sequence[str]) -> None:
         )
 
 
-def _json_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
+def _json_rows(source: Path, column_names: Sequence[str]) -> Iterator[_Rows]:
     with source.open(encoding="utf-8-sig") as file:
         first: set[str] | None = None
         numbered = ((number, line) for number, line in enumerate(file, 1) if not line.isspace())
@@ -349,8 +356,10 @@ def _json_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
             rows = [_json_object(source, number, line) for number, line in batch]
             if first is None:
                 first = set(rows[0])
-            columns = {name: [row.get(name) for row in rows] for name in wanted if name in first}
-            for name in wanted:
+            columns = {
+                name: [row.get(name) for row in rows] for name in column_names if name in first
+            }
+            for name in column_names:
                 # A column that only some rows have would be left out without a word.
                 late = next((at for at, row in enumerate(rows) if name in row), None)
                 if name not in first and late is not None:
@@ -394,7 +403,7 @@ def _unique_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 _DECODER = json.JSONDecoder(object_pairs_hook=_unique_keys)
 
 
-def _parquet_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
+def _parquet_rows(source: Path, column_names: Sequence[str]) -> Iterator[_Rows]:
     require("a table in Parquet", ("pyarrow",))
     import pyarrow as pa
     from pyarrow import parquet
@@ -402,7 +411,7 @@ def _parquet_rows(source: Path, wanted: Sequence[str]) -> Iterator[_Rows]:
     try:
         file = parquet.ParquetFile(source)
         _check_header(source, file.schema_arrow.names)
-        columns = [name for name in file.schema_arrow.names if name in wanted]
+        columns = [name for name in file.schema_arrow.names if name in column_names]
         start = 1
         for batch in file.iter_batches(_BATCH, columns=columns):
             yield _arrow_rows(batch, range(start, start + batch.num_rows))

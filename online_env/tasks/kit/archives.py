@@ -58,13 +58,13 @@ def make_locked_zip(names: Mapping[str, int], stream: Stream) -> bytes:
     }
     archive = bytearray(make_zip(data))
     for start in _HEADERS:
-        place = archive.find(start)
-        while place >= 0:
-            archive[place + _HEADERS[start]] |= _ENCRYPTED
-            at = place + _SIZES[start]
+        position = archive.find(start)
+        while position >= 0:
+            archive[position + _HEADERS[start]] |= _ENCRYPTED
+            at = position + _SIZES[start]
             size = int.from_bytes(archive[at : at + 4], "little") - header
             archive[at : at + 4] = size.to_bytes(4, "little")
-            place = archive.find(start, place + 4)
+            position = archive.find(start, position + 4)
     return bytes(archive)
 
 

@@ -62,7 +62,7 @@ def push(hand: Hand, button: Name, heading: Name = None) -> None:
 
 
 def enter(hand: Hand, field: Name, text: str) -> None:
-    """Type into a field, which may be further down, in the place of what it holds."""
+    """Replace what a field holds, which may be further down."""
     hand.fill(field, text, app=APP, roles=FIELDS, scroll=True)
 
 
@@ -73,8 +73,8 @@ def enter_in_turn(hand: Hand, values: Mapping[str, str]) -> None:
         hand: Whose.
         values: What to type, or the option of a drop-down list, by the name of the field.
     """
-    for place, (field, text) in enumerate(values.items()):
-        if place == 0 or not _comes_into_focus(hand, field):
+    for index, (field, text) in enumerate(values.items()):
+        if index == 0 or not _comes_into_focus(hand, field):
             _go_to(hand, field)
         hand.type(f"{text}\t")
 

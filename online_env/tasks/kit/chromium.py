@@ -90,10 +90,10 @@ def change_setting(machine: Machine, path: str, value: Any) -> None:
     """Store a setting; Chromium is ended before."""
     preferences = _json(machine, PREFERENCES)
     *folders, last = path.split(".")
-    place = preferences
+    node = preferences
     for key in folders:
-        place = place.setdefault(key, {})
-    place[last] = value
+        node = node.setdefault(key, {})
+    node[last] = value
     machine.write(PREFERENCES, json.dumps(preferences))
 
 

@@ -38,7 +38,7 @@ def follow(hand: Hand, name: Name, title: str = "") -> None:
 
 
 def enter(hand: Hand, name: Name, text: str, role: Roles = "entry") -> None:
-    """Type into a field, in the place of what it holds; it may be further down."""
+    """Replace what a field holds; it may be further down."""
     hand.fill(name, text, CHROME, role, scroll=True)
 
 

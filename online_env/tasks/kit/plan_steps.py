@@ -121,14 +121,14 @@ def take_note(path: str, text: str) -> list[str]:
     ]
 
 
-def go_to_cell(place: str) -> list[str]:
+def go_to_cell(address: str) -> list[str]:
     """Steps to select a cell, or a range of them, in the sheet on the screen."""
-    return ["press ctrl+shift+t", f"type {quoted(place)}", "press enter"]
+    return ["press ctrl+shift+t", f"type {quoted(address)}", "press enter"]
 
 
-def enter_in_cell(place: str, content: str) -> list[str]:
+def enter_in_cell(address: str, content: str) -> list[str]:
     """Steps to write into a cell of the sheet on the screen."""
-    return [*go_to_cell(place), f"type {quoted(content)}", "press enter"]
+    return [*go_to_cell(address), f"type {quoted(content)}", "press enter"]
 
 
 def find_in_writer(text: str) -> list[str]:

@@ -99,13 +99,13 @@ def melody_problems(recording: Sound, pitches: Sequence[float]) -> Iterator[str]
     if abs(length - NOTE * len(pitches)) > NOTE / 4:
         yield f"it is {length:.1f} s long, not {NOTE * len(pitches):g} s"
         return
-    for place, pitch in enumerate(pitches):
-        start = int((place + 0.25) * NOTE * recording.rate)
+    for index, pitch in enumerate(pitches):
+        start = int((index + 0.25) * NOTE * recording.rate)
         heard_pitch = _pitch(
             recording.samples[start : start + int(NOTE / 2 * recording.rate)], recording.rate
         )
         if abs(heard_pitch / pitch - 1) > _PITCH_SLACK:
-            yield f"note {place + 1} has {heard_pitch:.0f} Hz, not {pitch:g} Hz"
+            yield f"note {index + 1} has {heard_pitch:.0f} Hz, not {pitch:g} Hz"
             return
 
 
@@ -128,12 +128,12 @@ def film(scenes: Sequence[Image.Image]) -> bytes:
     """Return an AVI file (motion JPEG, silent) that shows each picture for `SCENE` seconds."""
     jpegs = [gimp.encode(picture, "JPEG", 90) for picture in scenes]
     frames = [data for data in jpegs for _ in range(SCENE * _FRAMES_PER_SECOND)]
-    chunks, index, place = [], [], 4
+    chunks, index, offset = [], [], 4
     for data in frames:
         chunk = _chunk(b"00dc", data)
         chunks.append(chunk)
-        index.append(struct.pack("<4s3I", b"00dc", _IS_KEY, place, len(data)))
-        place += len(chunk)
+        index.append(struct.pack("<4s3I", b"00dc", _IS_KEY, offset, len(data)))
+        offset += len(chunk)
     headers = _headers(len(frames), max(map(len, frames)))
     moving = _chunk(b"LIST", b"movi" + b"".join(chunks))
     body = headers + moving + _chunk(b"idx1", b"".join(index))

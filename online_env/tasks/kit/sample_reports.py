@@ -28,18 +28,18 @@ def report(stream: Stream) -> dict[str, Any]:
     occasion = stream.choice(OCCASIONS)
     city = stream.choice(CITIES)
     person = f"{stream.choice(FIRST_NAMES)} {stream.choice(LAST_NAMES)}"
-    things = sample(stream, GOODS, stream.integer(3, 5))
+    goods = sample(stream, GOODS, stream.integer(3, 5))
     words = {
         "city": city,
         "person": person,
         "hour": stream.integer(5, 9),
         "price": stream.integer(11, 48),
         "count": stream.integer(7, 23),
-        "thing": things[0],
+        "thing": goods[0],
     }
     lines = sample(stream, PARTS, 3)
     bodies = [SENTENCES[line].format(**words) for line in lines]
-    items = [f"one {thing} for {stream.integer(2, 9)} people" for thing in things]
+    items = [f"one {item} for {stream.integer(2, 9)} people" for item in goods]
     start = f"This letter is about the {occasion.lower()} near {city}, planned by {person}."
     pairs = [text for pair in zip(lines, bodies, strict=True) for text in pair]
     month = stream.choice(MONTHS)

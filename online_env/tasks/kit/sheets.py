@@ -66,7 +66,7 @@ class BookContent:
 
     def values(self, sheet: str) -> dict[str, CellValue]:
         """Return the stored values of a sheet by address; empty cells are left out."""
-        return {place: cell.value for (of, place), cell in self.cells.items() if of == sheet}
+        return {address: cell.value for (of, address), cell in self.cells.items() if of == sheet}
 
 
 class SheetTask(OfficeTask):
@@ -175,9 +175,9 @@ def changes(
         yield f"the sheets are {', '.join(after.sheets)}"
     if sheet_names[:1] != expected_names[:1]:
         return
-    for place in sorted({*after.cells, *before.cells}):
-        if not _is_excepted(place, before.sheets[0], but):
-            yield from _difference(place, after.cells.get(place), before.cells.get(place))
+    for address in sorted({*after.cells, *before.cells}):
+        if not _is_excepted(address, before.sheets[0], but):
+            yield from _difference(address, after.cells.get(address), before.cells.get(address))
     for name in (name for name in before.sheets if name in after.sheets and name not in but):
         if after.hidden.get(name) != before.hidden[name]:
             yield f"hidden in {name}: {after.hidden.get(name)}, not {before.hidden[name]}"
@@ -205,8 +205,8 @@ def uses(entry: CellValue, *addresses: str) -> bool:
     if not isinstance(entry, str) or not entry.startswith("="):
         return False
     tokens = Tokenizer(entry).items
-    places = [token.value for token in tokens if token.subtype == Token.RANGE]
-    return all(any(_holds(place, address) for place in places) for address in addresses)
+    references = [token.value for token in tokens if token.subtype == Token.RANGE]
+    return all(any(_holds(reference, address) for reference in references) for address in addresses)
 
 
 def with_values(data: bytes, values: Mapping[str, float]) -> bytes:
@@ -231,11 +231,11 @@ def with_values(data: bytes, values: Mapping[str, float]) -> bytes:
     return result.getvalue()
 
 
-def go_to(hand: Hand, place: str) -> None:
+def go_to(hand: Hand, address: str) -> None:
     """Select a cell or a range of the open sheet by the name box."""
     hand.press("ctrl", "shift", "t")
     hand.find("text", app=APP, state="focused")
-    hand.replace(f"{place}\n")
+    hand.replace(f"{address}\n")
     hand.find("table", app=APP, state="focused")
 
 
@@ -280,12 +280,12 @@ def _is_filled(node: TreeNode, address: str) -> bool:
     return node.role == "table-cell" and node.name == address and bool(node.box and node.text)
 
 
-def _holds(place: str, address: str) -> bool:
+def _holds(reference: str, address: str) -> bool:
     """Return whether a range of a formula holds a cell; a name, which is none, may."""
     from openpyxl.utils import cell
 
     try:
-        left, top, right, bottom = cell.range_boundaries(place.rpartition("!")[2])
+        left, top, right, bottom = cell.range_boundaries(reference.rpartition("!")[2])
     except ValueError:
         return True
     row, column = cell.coordinate_to_tuple(address)
@@ -332,11 +332,11 @@ def _frozen(sheet: Any) -> str | None:
     if pane is None or pane.state not in ("frozen", "frozenSplit"):
         return None
     rows, columns = int(pane.ySplit or 0), int(pane.xSplit or 0)
-    place = f"{get_column_letter(columns + 1)}{rows + 1}"
+    cell_address = f"{get_column_letter(columns + 1)}{rows + 1}"
     start = sheet.sheet_view.topLeftCell or "A1"
     row, column = cell.coordinate_to_tuple(start)
     is_from_first = (not rows or row == 1) and (not columns or column == 1)
-    return place if is_from_first else f"{start}:{place}"
+    return cell_address if is_from_first else f"{start}:{cell_address}"
 
 
 def _hidden(sheet: Any) -> tuple[str, ...]:
@@ -345,17 +345,17 @@ def _hidden(sheet: Any) -> tuple[str, ...]:
     return (*hidden, *(["all"] if sheet.sheet_state != "visible" else ()))
 
 
-def _is_excepted(place: tuple[str, str], first: str, but: Collection[str]) -> bool:
-    sheet, address = place
+def _is_excepted(cell: tuple[str, str], first: str, but: Collection[str]) -> bool:
+    sheet, address = cell
     if sheet in but or f"{sheet}!{address}" in but:
         return True
     return sheet == first and address in but
 
 
 def _difference(
-    place: tuple[str, str], after: SheetCell | None, before: SheetCell | None
+    cell: tuple[str, str], after: SheetCell | None, before: SheetCell | None
 ) -> Iterator[str]:
-    location = f"{place[1]} of {place[0]}"
+    location = f"{cell[1]} of {cell[0]}"
     actual = None if after is None else after.entry
     expected = None if before is None else before.entry
     if not _same(actual, expected):

@@ -104,7 +104,7 @@ def _is_focused_field(node: TreeNode, app: str) -> bool:
 
 
 def rewrite_line(hand: Hand, path: str, number: int, line: str, app: str) -> None:
-    """Type a line in the place of another."""
+    """Replace a line by another."""
     go_to_line(hand, path, number, app)
     hand.press("end")
     hand.press("shift", "home")

@@ -143,10 +143,10 @@ def move(hand: Hand, names: Sequence[str], folder: str) -> None:
         names: The names of the files.
         folder: Where to; it shows then. From the root, or relative to the home folder.
     """
-    left = present(hand, *names)
-    if left:
-        select(hand, *left)
+    present_names = present(hand, *names)
+    if present_names:
+        select(hand, *present_names)
         hand.press("ctrl", "x")
     go(hand, folder)
-    if left:
-        paste(hand, *left)
+    if present_names:
+        paste(hand, *present_names)

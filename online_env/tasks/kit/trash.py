@@ -30,7 +30,7 @@ def trashed_files(machine: Machine) -> dict[str, bytes]:
         info = machine.text(f"{_INFO}/{name}") or ""
         data = machine.read(f"{_FILES}/{name.removesuffix('.trashinfo')}")
         if data is not None:
-            files[_place(info).removeprefix(f"{machine.home}/")] = data
+            files[_original_path(info).removeprefix(f"{machine.home}/")] = data
     return files
 
 
@@ -41,7 +41,7 @@ def take_out(machine: Machine, path: str) -> None:
     machine.run("rm", f"{_INFO}/{name}.trashinfo")
 
 
-def _place(info: str) -> str:
+def _original_path(info: str) -> str:
     """Return the former path of a file in the trash, or "" if it is not recorded."""
     for line in info.splitlines():
         key, _, value = line.partition("=")

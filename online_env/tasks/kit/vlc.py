@@ -88,7 +88,7 @@ def playlist(machine: Machine, path: str) -> list[str] | None:
     else:
         entries = [line.strip() for line in text.splitlines() if line.strip()[:1] not in ("", "#")]
     folder = PurePosixPath(machine.path(path)).parent
-    return [_place(folder, name) for name in entries]
+    return [_entry_path(folder, name) for name in entries]
 
 
 def _read_xspf(text: str) -> list[str]:
@@ -100,7 +100,7 @@ def _read_xspf(text: str) -> list[str]:
 
 
 def _local_path(address: str) -> str:
-    """Return a path in the place of the address of a file."""
+    """Return the path of a file from its address; other addresses are returned as they are."""
     try:
         parts = urlsplit(address)
     except ValueError:  # no address at all
@@ -108,7 +108,7 @@ def _local_path(address: str) -> str:
     return unquote(parts.path) if parts.scheme in ("file", "") else address
 
 
-def _place(folder: PurePosixPath, name: str) -> str:
+def _entry_path(folder: PurePosixPath, name: str) -> str:
     name = _local_path(name) if name.startswith("file:") else name
     return name if _ADDRESS.match(name) else normpath(folder / name)
 
@@ -143,9 +143,9 @@ def empty_playlist(hand: Hand) -> None:
     if hand.see("column-header", "Title", VLC) is None:
         hand.press("ctrl", "l")
         hand.find("column-header", "Title", VLC)
-    left = hand.see("tree-item", _FILE, VLC)
-    if left is not None:
-        hand.click(left)
+    entry = hand.see("tree-item", _FILE, VLC)
+    if entry is not None:
+        hand.click(entry)
         hand.press("ctrl", "a")
         hand.press("delete")
         hand.wait_until_gone("tree-item", _FILE, VLC)

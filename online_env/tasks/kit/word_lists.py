@@ -100,8 +100,8 @@ def even(text: str) -> str:
 
 def sample(stream: Stream, options: Sequence[T], count: int) -> list[T]:
     """Return `count` of the options, each at most once, in random order."""
-    left = list(options)
-    return [left.pop(stream.integer(0, len(left) - 1)) for _ in range(count)]
+    remaining = list(options)
+    return [remaining.pop(stream.integer(0, len(remaining) - 1)) for _ in range(count)]
 
 
 def shuffle(stream: Stream, items: Sequence[T]) -> list[T]:

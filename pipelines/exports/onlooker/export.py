@@ -52,8 +52,8 @@ def export_onlooker(
     _check_events(dataset)
     report = OnlookerReport(os.fspath(out), dialect, balance)
     with (
-        new_folder(Path(out), Path(folder)) as place,
-        _Tables(place, report, keep_hidden) as tables,
+        new_folder(Path(out), Path(folder)) as export_folder,
+        _Tables(export_folder, report, keep_hidden) as tables,
     ):
         rows_done = 0
         for index, shard in enumerate(manifest["shards"]):
@@ -65,7 +65,7 @@ def export_onlooker(
                 progress(rows_done, len(dataset), "rows")
         report.short = sampler.short
         content = {"keep_hidden": keep_hidden, "content": dataset.fingerprint}
-        write_report(place, report.to_data() | content)
+        write_report(export_folder, report.to_data() | content)
     return report
 
 

@@ -152,14 +152,14 @@ def _lines(folder: Path, key: ReplayInputs, replay: EpisodeReplay) -> Iterator[s
     """Check each line on its own, and the hashes that chain the lines."""
     replay.last = sha256_hex(folder.name.encode())
     inputs: InputReplay | None = None
-    for place, line in enumerate(lines(folder / STEPS)):
+    for index, line in enumerate(lines(folder / STEPS)):
         line_name = f"line {line.number}"
         try:
             replay.steps += 1
             data = line.record()
             step = fields.step_number(data, "step")
-            if step != place:
-                yield f"{line_name}: has step {step} where step {place} belongs"
+            if step != index:
+                yield f"{line_name}: has step {step} where step {index} belongs"
             if data.get("previous") != replay.last:
                 yield f"{line_name}: does not follow on the line before (previous)"
             for text in field_checks.line_problems(data):

@@ -243,12 +243,12 @@ def head_problems(
     episodes = head.get("episodes")
     if not isinstance(episodes, list) or not labels:
         return
-    planned = library.planned(config, labels)
-    if planned is not None and Counter(planned) != Counter(episodes):
-        only = next(iter(Counter(episodes) - Counter(planned)), None)
-        example = f"such as {only}" if only else f"{len(planned) - len(episodes)} are missing"
+    planned_ids = library.planned_episodes(config, labels)
+    if planned_ids is not None and Counter(planned_ids) != Counter(episodes):
+        only = next(iter(Counter(episodes) - Counter(planned_ids)), None)
+        example = f"such as {only}" if only else f"{len(planned_ids) - len(episodes)} are missing"
         yield f"episodes are not those of the config ({example})"
-    elif planned is not None and UNTIL_RETENTION in config and planned != episodes:
+    elif planned_ids is not None and UNTIL_RETENTION in config and planned_ids != episodes:
         yield f"episodes are not task by task, as config.{UNTIL_RETENTION} asks for"
     elif len(set(episodes)) != len(episodes) or len(episodes) != _count(config):
         yield f"episodes are {len(episodes)}, by the config there are {_count(config)}"
@@ -397,14 +397,14 @@ def _expected(
         yield f"{GUARD}.name", "rules" if guard == "rules" else "model", RUN
     elif guard is None:
         yield GUARD, None, RUN
-    desktop, planned = _mapping(record.get(DESKTOP)), _mapping(config.get(DESKTOP))
+    desktop, planned_desktop = _mapping(record.get(DESKTOP)), _mapping(config.get(DESKTOP))
     if not desktop:
         return  # no desktop came up
-    if desktop.get("size") is not None and "size" in planned:
-        yield f"{DESKTOP}.size", planned["size"], RUN
+    if desktop.get("size") is not None and "size" in planned_desktop:
+        yield f"{DESKTOP}.size", planned_desktop["size"], RUN
     if task_fields is not None:
-        for key, value in library.desktop_fields(planned.get("provider")):
-            yield f"{DESKTOP}.{key}", value, f"the provider {planned.get('provider')!r}"
+        for key, value in library.desktop_fields(planned_desktop.get("provider")):
+            yield f"{DESKTOP}.{key}", value, f"the provider {planned_desktop.get('provider')!r}"
 
 
 # Steps
@@ -413,13 +413,14 @@ def _expected(
 def guard_problems(record: Mapping[str, Any], lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
     """Yield the interventions of a guard that are not in `steps.jsonl`."""
     by_step = {line.get("step"): line.get("raw") for line in lines}
-    for each in _mappings(_mapping(record.get(GUARD)).get("interventions")):
-        for text in unknown_fields(each, INTERVENTION):
+    for intervention in _mappings(_mapping(record.get(GUARD)).get("interventions")):
+        for text in unknown_fields(intervention, INTERVENTION):
             yield f"{GUARD}.interventions: {text}"
-        actions = each.get("actions")
-        first = each.get("step")
+        actions = intervention.get("actions")
+        first = intervention.get("step")
         if not isinstance(first, int) or not isinstance(actions, list):
-            yield f"{GUARD}.interventions has {short_repr(each)}: step or actions is missing"
+            entry = short_repr(intervention)
+            yield f"{GUARD}.interventions has {entry}: step or actions is missing"
             continue
         if not actions and first not in by_step:
             yield f"{GUARD}.interventions has step {first}, which {STEPS} has not"

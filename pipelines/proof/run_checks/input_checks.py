@@ -51,8 +51,8 @@ class InputReplay:
         for text in field_checks.unknown_fields(logged, INPUT):
             yield f"input: {text}"
         if logged.get("sent") != altered.code:
-            sent = short_repr(logged.get("sent"))
-            yield f"input.sent is {sent}, by the faults it is {short_repr(altered.code)}"
+            logged_code = short_repr(logged.get("sent"))
+            yield f"input.sent is {logged_code}, by the faults it is {short_repr(altered.code)}"
         if logged.get("faults") != [fault.to_data() for fault in altered.faults]:
             yield "input.faults are not those that hit the action"
 

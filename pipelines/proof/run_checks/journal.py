@@ -196,20 +196,20 @@ class Journal:
         for name, attempts in attempts_by_id.items():
             if len(attempts) <= retries and _needs_retry(attempts[-1]):
                 yield f"{RUN}: {name} was not run again, and retries is {retries}"
-        planned = self.head.get("episodes")
-        if not isinstance(planned, list):
-            yield f"{RUN}: episodes: must be a list of ids, got {short_repr(planned)}"
+        planned_ids = self.head.get("episodes")
+        if not isinstance(planned_ids, list):
+            yield f"{RUN}: episodes: must be a list of ids, got {short_repr(planned_ids)}"
             return
         try:
-            due = self.library.due_episodes(self.config, planned, self.records)
+            due = self.library.due_episodes(self.config, planned_ids, self.records)
         except HijackError as error:
             yield f"{RUN}: config.{error}"
             return
         missing = [name for name in due if name not in attempts_by_id]
         if missing:
             yield (
-                f"{RUN}: {len(missing)} of {len(planned)} planned episodes are not there, such as"
-                f" {missing[0]}"
+                f"{RUN}: {len(missing)} of {len(planned_ids)} planned episodes are not there, such"
+                f" as {missing[0]}"
             )
 
 

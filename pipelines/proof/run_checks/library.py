@@ -57,7 +57,9 @@ class Library:
         is_known = not self.unavailable and isinstance(name, str) and isinstance(seed, int)
         return _task_fields(name, seed) if is_known else None
 
-    def planned(self, config: Mapping[str, Any], labels: Sequence[str]) -> list[str] | None:
+    def planned_episodes(
+        self, config: Mapping[str, Any], labels: Sequence[str]
+    ) -> list[str] | None:
         """Return the ids of all episodes of a configuration.
 
         Returns:

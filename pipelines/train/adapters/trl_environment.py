@@ -201,8 +201,8 @@ class TrlEnvironments:
 
     def request(self, task: str, number: int, seed: int | None) -> RolloutRequest:
         """Return the request for an environment in the current batch."""
-        place = self._rank * self.per_process + number
-        slot = place % self.rollouts
+        rollout_index = self._rank * self.per_process + number
+        slot = rollout_index % self.rollouts
         if seed is None:
             stream = Stream(self.seed, "environment_seed-v1", task, self._batch)
             seed = stream.integer(0, 2**32 - 1)

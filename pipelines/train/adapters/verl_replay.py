@@ -24,7 +24,7 @@ VerlBuffer: Any = _module.ReplayBuffer
 TRAINING = "train"  # verl's name of the partition
 _TAG_KEYS = ("status", "prompt_len", "response_len", "seq_len")
 # The columns about the place of a row; all others belong to the rollout.
-_PLACE_COLUMNS = ("uid", "session_id", "global_steps", "index")
+_IDENTITY_COLUMNS = ("uid", "session_id", "global_steps", "index")
 
 
 class HijackReplay(VerlBuffer):
@@ -54,38 +54,38 @@ class HijackReplay(VerlBuffer):
     def _replay(self, batch: Any) -> None:
         rows = transfer_queue.kv_batch_get(keys=batch.keys, partition_id=TRAINING)
         groups: dict[str, list[int]] = defaultdict(list)
-        for place, key in enumerate(batch.keys):
-            groups[key.split("_")[0]].append(place)
+        for index, key in enumerate(batch.keys):
+            groups[key.split("_")[0]].append(index)
         rollouts = [
-            _rollout(rows[place], key, batch.tags[place]) for place, key in enumerate(batch.keys)
+            _rollout(rows[index], key, batch.tags[index]) for index, key in enumerate(batch.keys)
         ]
         check_split(
             (rollout.request.group for rollout in rollouts),
             source="the rows of data.train_files",
             osworld_split=self.osworld_split,
         )
-        for places in groups.values():
-            group = [rollouts[place] for place in places]
-            rewards = [float(rows[place]["rm_scores"].sum()) for place in places]
+        for indices in groups.values():
+            group = [rollouts[index] for index in indices]
+            rewards = [float(rows[index]["rm_scores"].sum()) for index in indices]
             filled = self.stored.fill(group, rewards, group[0].request.step)
-            for place, old, new in zip(places, group, filled, strict=True):
+            for index, old, new in zip(indices, group, filled, strict=True):
                 if new is not old:
-                    self._put(batch, place, rows[place], new)
+                    self._replace_rollout(batch, index, rows[index], new)
             for rollout in group:
                 self.stored.add(rollout)
 
-    def _put(self, batch: Any, place: int, row: Any, stored: Any) -> None:
-        """Replace the rollout at `place` by a stored one, keeping group and number of the place."""
+    def _replace_rollout(self, batch: Any, index: int, row: Any, stored: Any) -> None:
+        """Replace the rollout at `index` by a stored one, keeping its group and number."""
         fields, tag = stored.tokens
         row_fields = fields.clone(recurse=False)
-        for name in _PLACE_COLUMNS:
+        for name in _IDENTITY_COLUMNS:
             if name in row.keys():  # noqa: SIM118  (of a TensorDict)
                 row_fields[name] = row[name]
-        batch.tags[place] = {**batch.tags[place], **tag}
+        batch.tags[index] = {**batch.tags[index], **tag}
         transfer_queue.kv_batch_put(
-            keys=[batch.keys[place]],
+            keys=[batch.keys[index]],
             fields=row_fields.unsqueeze(0),
-            tags=[batch.tags[place]],
+            tags=[batch.tags[index]],
             partition_id=TRAINING,
         )
 

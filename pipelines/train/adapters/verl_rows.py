@@ -83,5 +83,5 @@ def _write(path: Path, names: list[str], answer_form: str, corruption: str) -> i
     pa = pyarrow()
     table = pa.Table.from_pylist(rows, schema=arrow_schema(_KINDS))
     make_folder(path.parent, path)
-    replace_atomic(path, lambda place: pa.parquet.write_table(table, place))
+    replace_atomic(path, lambda temporary_path: pa.parquet.write_table(table, temporary_path))
     return len(rows)

@@ -42,14 +42,14 @@ class ChatRow:
         answer: the answer to learn.
         pictures: files, or (Parquet file, row, column).
         trajectory: the recording that it is from.
-        place: its place in the files, for messages.
+        location: its place in the files, for messages.
     """
 
     question: str
     answer: str
     pictures: tuple[Path | tuple[Path, int, str], ...]
     trajectory: str
-    place: str
+    location: str
 
     def open_images(self) -> list[Image.Image]:
         """Return the pictures, in RGB.
@@ -57,7 +57,7 @@ class ChatRow:
         Raises:
             DatasetError: one is missing or damaged.
         """
-        return [_open_image(picture, self.place) for picture in self.pictures]
+        return [_open_image(picture, self.location) for picture in self.pictures]
 
     def example(self) -> dict[str, Any]:
         """Return the row as `SFTTrainer` takes it: `prompt`, `completion` and `images`."""
@@ -143,16 +143,16 @@ def _chat_rows(folder: Path) -> list[ChatRow]:
     rows: list[ChatRow] = []
     with path.open(encoding="utf-8") as lines:
         for number, line in enumerate(lines, 1):
-            place = f"{path}:{number}"
+            location = f"{path}:{number}"
             try:
                 row = json.loads(line)
             except ValueError as error:
-                raise DatasetError(f"{place}: no JSON ({error})") from None
+                raise DatasetError(f"{location}: no JSON ({error})") from None
             names = row.get("images") if isinstance(row, dict) else None
             if not isinstance(names, list):
-                raise DatasetError(f"{place}: field 'images' must be a list of file names")
+                raise DatasetError(f"{location}: field 'images' must be a list of file names")
             pictures = tuple(folder / str(name) for name in names)
-            rows.append(_row(row, pictures, place))
+            rows.append(_row(row, pictures, location))
     return rows
 
 
@@ -171,36 +171,36 @@ def _table_rows(folder: Path) -> list[ChatRow]:
 
 
 def _row(
-    row: Mapping[str, Any], pictures: tuple[Path | tuple[Path, int, str], ...], place: str
+    row: Mapping[str, Any], pictures: tuple[Path | tuple[Path, int, str], ...], location: str
 ) -> ChatRow:
     messages = row.get("messages")
     roles = [message.get("role") for message in messages] if isinstance(messages, list) else None
     if not isinstance(messages, list) or roles != ["user", "assistant"]:
-        raise DatasetError(f"{place}: 'messages' must be a question and an answer, got {roles}")
+        raise DatasetError(f"{location}: 'messages' must be a question and an answer, got {roles}")
     question, answer = (str(message.get("content")) for message in messages)
     start = f"{IMAGE}\n" * len(pictures)
     text = question.removeprefix(start)
     if not question.startswith(start) or IMAGE in text or IMAGE in answer:
         raise DatasetError(
-            f"{place}: the question must begin with {IMAGE} for each of {len(pictures)} pictures,"
-            f" and have it nowhere else, got {question[:_MAX_SHOWN_CHARS]!r}"
+            f"{location}: the question must begin with {IMAGE} for each of {len(pictures)}"
+            f" pictures, and have it nowhere else, got {question[:_MAX_SHOWN_CHARS]!r}"
         )
     return ChatRow(
         question=text,
         answer=answer,
         pictures=pictures,
         trajectory=str(row.get("trajectory_id") or ""),
-        place=place,
+        location=location,
     )
 
 
-def _open_image(picture: Path | tuple[Path, int, str], place: str) -> Image.Image:
+def _open_image(picture: Path | tuple[Path, int, str], location: str) -> Image.Image:
     try:
         source = picture if isinstance(picture, Path) else io.BytesIO(_read_image_bytes(*picture))
         with Image.open(source) as image:
             return image.convert("RGB")
     except (OSError, UnidentifiedImageError, ValueError) as error:
-        raise DatasetError(f"{place}: a picture cannot be read ({error})") from None
+        raise DatasetError(f"{location}: a picture cannot be read ({error})") from None
 
 
 def _read_image_bytes(path: Path, number: int, column: str) -> bytes:

@@ -14,7 +14,7 @@ from hijack_data.config.nodes import (
     Problems,
     ScalarNode,
     SequenceNode,
-    kind_of,
+    describe_node,
 )
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.config_files import read_config
@@ -91,7 +91,7 @@ def read_method(path_or_name: str | os.PathLike[str]) -> str | None:
         return None
     value = node.value if isinstance(node, ScalarNode) else None
     if value != METHOD:
-        problems.stop(node.place, f"method: no {value!r}{suggest(value, (METHOD,))}")
+        problems.stop(node.position, f"method: no {value!r}{suggest(value, (METHOD,))}")
     return METHOD
 
 
@@ -106,12 +106,12 @@ def load_sft(path_or_name: str | os.PathLike[str]) -> SftSettings:
     name, data = read_config(path_or_name)
     tree = read_yaml(data, name, problems)
     if not isinstance(tree, MappingNode):
-        problem = "the file is empty" if tree is None else f"got {kind_of(tree)}"
+        problem = "the file is empty" if tree is None else f"got {describe_node(tree)}"
         problems.stop(Position(name, 1, 1), f"a training configuration is a mapping, {problem}")
     values: dict[str, Any] = {"source": name}
-    for key, place in tree.keys.items():
+    for key, position in tree.keys.items():
         if key not in _KEYS:
-            problems.add(place, f"unknown key {key!r}{suggest(key, _KEYS)}")
+            problems.add(position, f"unknown key {key!r}{suggest(key, _KEYS)}")
     if "model" not in tree.items:
         problems.add(Position(name, 1, 1), "model is missing; see docs/train.md")
     for key, item in tree.items.items():
@@ -124,7 +124,7 @@ def load_sft(path_or_name: str | os.PathLike[str]) -> SftSettings:
         elif key == "trl":
             values[key] = _plain(item)
     if not isinstance(values.get("trl", {}), dict):
-        problems.add(tree.items["trl"].place, "trl: fields of SFTConfig, as a mapping")
+        problems.add(tree.items["trl"].position, "trl: fields of SFTConfig, as a mapping")
     problems.check()
     return SftSettings(**values)
 
@@ -132,7 +132,7 @@ def load_sft(path_or_name: str | os.PathLike[str]) -> SftSettings:
 def _text(key: str, item: ConfigNode, problems: Problems) -> str:
     value = item.value if isinstance(item, ScalarNode) else None
     if not isinstance(value, str) or not value:
-        problems.add(item.place, f"{key} is a text, got {kind_of(item)}")
+        problems.add(item.position, f"{key} is a text, got {describe_node(item)}")
     return str(value)
 
 
@@ -146,7 +146,7 @@ def _names(key: str, item: ConfigNode, problems: Problems) -> tuple[str, ...]:
         try:
             names += members(name)
         except UnknownNameError as error:
-            problems.add(node.place, f"{key}: {error}")
+            problems.add(node.position, f"{key}: {error}")
     return tuple(dict.fromkeys(names))
 
 

@@ -171,7 +171,7 @@ def _make_start(job: ToyJob) -> tuple[ToyNetwork, dict[str, Any]]:
     data = {"format": _START_FORMAT, "version": VERSION, "policy": network.state_dict()}
     path = _start_path(job)
     make_folder(path.parent, path)
-    replace_atomic(path, lambda place: torch.save(data, place))
+    replace_atomic(path, lambda temporary_path: torch.save(data, temporary_path))
     return network, {"rollouts": 0}
 
 
@@ -210,7 +210,11 @@ def _start_path(job: ToyJob) -> Path:
 
 def _scores(job: ToyJob) -> dict[str, Any]:
     return read_versioned_json(
-        job.scores, format=FORMAT, version=VERSION, what="the scores of a run", error=TrainError
+        job.scores,
+        format=FORMAT,
+        version=VERSION,
+        description="the scores of a run",
+        error=TrainError,
     )
 
 
@@ -228,7 +232,7 @@ def _check_folder(replication: Replication, folder: Path) -> None:
             path,
             format=_PLAN_FORMAT,
             version=VERSION,
-            what="the plan of a replication",
+            description="the plan of a replication",
             error=TrainError,
         )
         stored_identity = stored.get("replication", {})

@@ -132,12 +132,12 @@ def answer_at(x: int, y: int) -> tuple[int, int]:
 
 @lru_cache(maxsize=1024)
 def word_numbers(instruction: str) -> tuple[int, ...]:
-    """Return a number for each word at its place; unknown words and empty places share one."""
+    """Return a number for each word and its position; unknown and missing words share one."""
     words = instruction.split()[:_LONGEST]
     empty = _LONGEST * len(_WORDS)
     numbers = [
-        place * len(_WORDS) + _WORDS.index(word) if word in _WORDS else empty
-        for place, word in enumerate(words)
+        index * len(_WORDS) + _WORDS.index(word) if word in _WORDS else empty
+        for index, word in enumerate(words)
     ]
     return (*numbers, *[empty] * (_LONGEST - len(numbers)))
 
@@ -148,19 +148,19 @@ def _inputs(observations: Sequence[AgentObservation]) -> tuple[torch.Tensor, tor
     return torch.from_numpy(screens), torch.tensor(words)
 
 
-def _answer(verb: int, place: int, chances: tuple[float, float]) -> PolicyAnswer:
-    """Return an answer; a click needs a place, and nothing else may have one."""
-    points = place != NOWHERE
+def _answer(verb: int, cell: int, chances: tuple[float, float]) -> PolicyAnswer:
+    """Return an answer; a click needs a cell, and nothing else may have one."""
+    points = cell != NOWHERE
     text: Any = "say"
     if verb == CLICK:
-        row, column = divmod(place, COLUMNS)
+        row, column = divmod(cell, COLUMNS)
         middle = CELL // 2
         text = f"click({column * CELL + middle}, {row * CELL + middle})" if points else "click()"
     elif verb == FINISH:
-        text = f"{DONE}({place})" if points else DONE
+        text = f"{DONE}({cell})" if points else DONE
     return PolicyAnswer(
         action=text,
-        tokens=(verb, place),
+        tokens=(verb, cell),
         logprobs=chances,
         is_well_formed=points == (verb == CLICK) and verb != SAY,
     )

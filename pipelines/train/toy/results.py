@@ -81,11 +81,11 @@ def summarise(replication: Replication, scores: ScoreTable) -> dict[str, Any]:
         "arms": {},
     }
     for arm in arms:
-        for other in (BASE, MAIN):
-            if other in arms and arm != other:
-                summary["arms"][f"{arm} - {other}"] = {
+        for reference in (BASE, MAIN):
+            if reference in arms and arm != reference:
+                summary["arms"][f"{arm} - {reference}"] = {
                     name: paired_interval(
-                        [table[arm, s][name] - table[other, s][name] for s in seeds]
+                        [table[arm, s][name] - table[reference, s][name] for s in seeds]
                     )
                     for name in parts
                 }

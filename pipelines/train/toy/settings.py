@@ -14,7 +14,7 @@ from hijack_data.config.nodes import (
     Problems,
     ScalarNode,
     SequenceNode,
-    kind_of,
+    describe_node,
 )
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.config_files import read_config
@@ -123,7 +123,7 @@ def load_replication(path_or_name: str | os.PathLike[str]) -> Replication:
     name, data = read_config(path_or_name)
     tree = read_yaml(data, name, problems)
     if not isinstance(tree, MappingNode):
-        problem = "the file is empty" if tree is None else f"got {kind_of(tree)}"
+        problem = "the file is empty" if tree is None else f"got {describe_node(tree)}"
         problems.stop(Position(name, 1, 1), f"a training configuration is a mapping, {problem}")
     replication = _Reader(problems).read(tree, name)
     problems.check()
@@ -138,9 +138,9 @@ class _Reader:
 
     def read(self, tree: MappingNode, source: str) -> Replication:
         values: dict[str, Any] = {"source": source}
-        for key, place in tree.keys.items():
+        for key, position in tree.keys.items():
             if key not in _KEYS:
-                self._problems.add(place, f"unknown key {key!r}{suggest(key, _KEYS)}")
+                self._problems.add(position, f"unknown key {key!r}{suggest(key, _KEYS)}")
         for key in ("environment", "training", "evaluation", "trained"):
             if key not in tree.items:
                 start = Position(source, 1, 1)
@@ -159,7 +159,7 @@ class _Reader:
         for label in values.get("untrained", {}):
             if label in values.get("trained", {}):
                 self._problems.add(
-                    tree.items["untrained"].place,
+                    tree.items["untrained"].position,
                     f"untrained: {label!r} is in trained, too, so runs are trained with it; take it"
                     " out, or label it, such as as: other",
                 )
@@ -171,7 +171,7 @@ class _Reader:
         if value not in ENVIRONMENTS:
             advice = "others are trained on from Python, see docs/train.md"
             self._problems.add(
-                item.place, f"environment: no {value!r}{suggest(value, ENVIRONMENTS)} ({advice})"
+                item.position, f"environment: no {value!r}{suggest(value, ENVIRONMENTS)} ({advice})"
             )
 
     def _arms(self, item: ConfigNode) -> tuple[str, ...]:
@@ -184,9 +184,9 @@ class _Reader:
             problem = f"arms: no {value!r}{suggest(value, ARMS)}"
             if value in names:
                 problem = f"arms: {value!r} is there twice; remove one"
-            self._problems.add(node.place, problem)
+            self._problems.add(node.position, problem)
         if isinstance(item, SequenceNode) and not item.items:
-            self._problems.add(item.place, f"arms is empty; known: {', '.join(ARMS)}")
+            self._problems.add(item.position, f"arms is empty; known: {', '.join(ARMS)}")
         return tuple(names)
 
     def _tasks(self, key: str, item: ConfigNode) -> tuple[str, ...]:
@@ -197,14 +197,14 @@ class _Reader:
         for node in item.items if isinstance(item, SequenceNode) else [item]:
             value = node.value if isinstance(node, ScalarNode) else None
             if not isinstance(value, str):
-                self._problems.add(node.place, f"{key} holds names, got {kind_of(node)}")
+                self._problems.add(node.position, f"{key} holds names, got {describe_node(node)}")
                 continue
             try:
                 names += members(value)
             except UnknownNameError as error:
-                self._problems.add(node.place, f"{key}: {error}")
+                self._problems.add(node.position, f"{key}: {error}")
         if not names and isinstance(item, SequenceNode) and not item.items:
-            self._problems.add(item.place, f"{key} is empty; name a set, such as {_SETS[key]}")
+            self._problems.add(item.position, f"{key} is empty; name a set, such as {_SETS[key]}")
         return tuple(dict.fromkeys(names))
 
 

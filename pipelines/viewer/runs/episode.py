@@ -95,16 +95,16 @@ def _read_record(episode: EpisodeLines, journal: Mapping[str, Any]) -> None:
 
 def _read_steps(episode: EpisodeLines) -> None:
     try:
-        for place, line in enumerate(lines(inside(episode.home, STEPS, STEPS))):
-            if place == MAX_STEPS:
+        for index, line in enumerate(lines(inside(episode.home, STEPS, STEPS))):
+            if index == MAX_STEPS:
                 episode.problems.append(f"only the first {MAX_STEPS} steps are shown")
                 return
             try:
                 episode.lines.append(mapping(line.record(), ""))
             except FieldError as error:
                 episode.lines.append({})
-                episode.broken[place] = f"line {line.number} of {STEPS}: {error}"
-                episode.problems.append(episode.broken[place])
+                episode.broken[index] = f"line {line.number} of {STEPS}: {error}"
+                episode.problems.append(episode.broken[index])
     except FieldError as error:
         episode.problems.append(f"{STEPS}: {error.reason}")
     except OSError as error:
@@ -117,8 +117,8 @@ def episode_data(folder: Path, name: str, episode: EpisodeLines) -> dict[str, An
     turns = turn_numbers(episode.lines)
     effects = _effects(episode)
     steps = [
-        _step(episode, place, turn_messages.get(-1 if turn is None else turn), effects)
-        for place, turn in enumerate(turns)
+        _step(episode, index, turn_messages.get(-1 if turn is None else turn), effects)
+        for index, turn in enumerate(turns)
     ]
     missing = sum(bool(step["lost"]) for step in steps)
     problems = [*episode.problems, problem]
@@ -178,14 +178,14 @@ def read_picture(path: Path) -> tuple[bytes, UInt8Array]:
 
 
 def _step(
-    episode: EpisodeLines, place: int, messages: TurnMessages | None, effects: list[dict[str, Any]]
+    episode: EpisodeLines, index: int, messages: TurnMessages | None, effects: list[dict[str, Any]]
 ) -> StepData:
-    line = episode.lines[place]
+    line = episode.lines[index]
     raw = line.get("raw")
     code = raw if isinstance(raw, str) else ""
     step: StepData = {
-        "step": place,
-        "problem": episode.broken.get(place, ""),
+        "step": index,
+        "problem": episode.broken.get(index, ""),
         "lost": "",
         "size": None,
         "corrupted": bool(line.get("seen")),
@@ -199,7 +199,7 @@ def _step(
         "usage": _numbers({} if messages is None else messages.usage),
         "seconds": _numbers(line.get("seconds")),
         "still": line.get("still") is not False,
-        "effects": [k for k, effect in enumerate(effects) if effect["step"] == place],
+        "effects": [k for k, effect in enumerate(effects) if effect["step"] == index],
         "plan": "" if line.get("plan") is None else _cut(display_text(line["plan"])),
         "boxes": _boxes(line.get("boxes")),
         "fields": record_fields(line, *NOT_SHOWN),
@@ -213,7 +213,7 @@ def _step(
         size = image_size(picture_file(episode.home, line, False))
         step["size"] = [size[1], size[0]]
     except FieldError as error:
-        step["lost"] = episode.broken.get(place) or str(error)
+        step["lost"] = episode.broken.get(index) or str(error)
     if code:
         step["action"], step["strokes"] = parse_strokes(code, size)
     return step
@@ -225,8 +225,8 @@ def _effects(episode: EpisodeLines) -> list[dict[str, Any]]:
     if recorded:
         return [_effect(entry, entry.get("step")) for entry in recorded]
     return [
-        _effect(event, place)
-        for place, line in enumerate(episode.lines)
+        _effect(event, index)
+        for index, line in enumerate(episode.lines)
         for event in objects(line.get("events"))
     ]
 
@@ -235,10 +235,10 @@ def _effect(entry: Mapping[str, Any], step: object) -> dict[str, Any]:
     record = entry.get("record")
     details: Mapping[str, Any] = record if isinstance(record, dict) else {}
     # effects before the episode are first visible in observation 0
-    place = max(0, step) if isinstance(step, int) else 0
+    first_step = max(0, step) if isinstance(step, int) else 0
     shown_fields = ("effect", "probes", "undone", "at")
     return {
-        "step": place,
+        "step": first_step,
         "kind": _cut(details.get("effect") or entry.get("effect") or "effect"),
         "did": _cut(
             display_text({key: details[key] for key in details if key not in shown_fields})

@@ -76,12 +76,12 @@ def export_page(source: RunSource, numbers: Sequence[int], *, small: bool = Fals
     pictures: dict[str, str] = {}
     places: dict[str, str] = {}
     episodes: list[dict[str, Any]] = []
-    for place, number in enumerate(unique):
+    for page_number, number in enumerate(unique):
         data = source.episode(number)
-        data["number"] = place
+        data["number"] = page_number
         data["checked"] = source.check(number)
         for step in data["steps"]:
-            _add(source, number, step, f"{place}/{step['step']}", pictures, places, small)
+            _add(source, number, step, f"{page_number}/{step['step']}", pictures, places, small)
         episodes.append(data)
     entries = [source.entries[number] for number in unique]
     style = "".join(page_file(name) for name in STYLES)
@@ -111,7 +111,7 @@ def _add(
     source: RunSource,
     number: int,
     step: dict[str, Any],
-    place: str,
+    step_key: str,
     pictures: dict[str, str],
     places: dict[str, str],
     small: bool,
@@ -132,4 +132,4 @@ def _add(
             height, width = pixels.shape[:2]
             scale = scale_for((height, width), SMALL_WIDTH_PX if small else MAX_WIDTH_PX)
             pictures[key] = embed(pixels, scale, small=small).uri
-        places[f"{kind}/{place}"] = key
+        places[f"{kind}/{step_key}"] = key

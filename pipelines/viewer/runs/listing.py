@@ -195,9 +195,9 @@ def _read_indexed_journal(folder: Path, listing: RunListing, head: bytes) -> Non
         _read_journal(folder, listing, head)
         return
     path = listing_index.index_path(listing.journal, head)
-    known = listing_index.read_index(path)
-    if known is not None:
-        listing.entries, listing.problems = known
+    indexed_entries = listing_index.read_index(path)
+    if indexed_entries is not None:
+        listing.entries, listing.problems = indexed_entries
         return
     is_whole = _read_journal(folder, listing, head)
     if is_whole:
@@ -213,7 +213,7 @@ def _read_journal(folder: Path, listing: RunListing, before: bytes) -> bool:
     is_whole = True
     last: EpisodeEntry | None = None
     first_lines: dict[str, int] = {}  # the lines that episodes are on
-    for place, line in enumerate(listing.lines, 1):
+    for line_number, line in enumerate(listing.lines, 1):
         if not line.strip():
             continue
         record: Mapping[str, Any] = {}
@@ -222,19 +222,19 @@ def _read_journal(folder: Path, listing: RunListing, before: bytes) -> bool:
             entry = _checked_entry(record)
         except FieldError as error:
             is_whole = False
-            entry = _damaged_entry(folder, line, f"line {place} of {RECORDS}: {error}")
+            entry = _damaged_entry(folder, line, f"line {line_number} of {RECORDS}: {error}")
         if before and record:  # a head that cannot be read links to nothing
             _check_link(record, before, last, listing.problems)
         before = line
         last = entry
-        first = first_lines.setdefault(entry.id, place) if entry.id else place
-        if first != place:
+        first = first_lines.setdefault(entry.id, line_number) if entry.id else line_number
+        if first != line_number:
             listing.problems.append(
-                f"line {place} of {RECORDS}: episode {entry.id} is on line {first} already, which"
-                " counts"
+                f"line {line_number} of {RECORDS}: episode {entry.id} is on line {first} already,"
+                " which counts"
             )
         elif entry.id:
-            entry.number = place
+            entry.number = line_number
             listing.entries.append(entry)
         else:
             listing.problems.append(entry.problem)

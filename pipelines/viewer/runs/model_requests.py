@@ -40,8 +40,8 @@ def read_turns(
     """
     turns: dict[int, TurnMessages] = {}
     usage = record.get("usage")
-    counted = usage.get("steps") if isinstance(usage, dict) else None
-    for turn, turn_usage in enumerate(listed(counted)):
+    step_usages = usage.get("steps") if isinstance(usage, dict) else None
+    for turn, turn_usage in enumerate(listed(step_usages)):
         if isinstance(turn_usage, dict):
             figures = {
                 key: turn_usage[key] for key in _USAGE_KEYS if turn_usage.get(key) is not None

@@ -73,15 +73,15 @@ class RunSource:
     def facts(self) -> str:
         """A short description of the run."""
         count = len(self.entries)
-        planned = self.head.get("episodes")
+        planned_ids = self.head.get("episodes")
         words = [quantity(count, "episode")]
         if self._scored is not None:
             words = [f"{quantity(count, 'answer')} to rows of a dataset"]
-        if isinstance(planned, list):
+        if isinstance(planned_ids, list):
             ids = {entry.id for entry in self.entries}
-            missing = sum(name not in ids for name in planned)
+            missing = sum(name not in ids for name in planned_ids)
             if missing:
-                words.append(f"{missing:,} of {len(planned):,} planned not played")
+                words.append(f"{missing:,} of {len(planned_ids):,} planned not played")
         damaged = sum(bool(entry.problem) for entry in self.entries)
         if damaged:
             words.append(f"{damaged:,} damaged")

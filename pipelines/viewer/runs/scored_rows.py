@@ -29,7 +29,7 @@ class ScoredRows:
         self._data: DatasetSource | None = None
         self._rows: dict[str, int] = {}
         places = [Path(source), folder / source, folder.parent / Path(source).name]
-        dataset = next((place for place in places if _is_there(place)), None)
+        dataset = next((path for path in places if _is_there(path)), None)
         if dataset is None or not source:
             self.problem = (
                 f"the dataset {source!r} that was scored is not there, so pictures are missing; put"

@@ -57,8 +57,8 @@ def write_videos(source: RunSource, patterns: Sequence[str], path: Path) -> Vide
         raise ParameterError("--video: hijack score asks about single pictures; it has no episodes")
     numbers = list(matching_episodes(source, patterns))
     if not numbers:
-        known = f"; ids look like {source.entries[0].id}" if source.entries else ""
-        raise ParameterError(f"--video: no episode matches --episode {', '.join(patterns)}{known}")
+        hint = f"; ids look like {source.entries[0].id}" if source.entries else ""
+        raise ParameterError(f"--video: no episode matches --episode {', '.join(patterns)}{hint}")
     is_file = path.suffix == SUFFIX
     if is_file and len(numbers) > 1:
         raise ParameterError(

@@ -100,7 +100,7 @@ def test_both_exports_are_read(exports):
     assert len(watched[-1].open_images()) == len(watched[-1].pictures)
     summaries = read_rows(exports / "onlooker" / "summaries")
     assert all(len(row.open_images()) == 2 for row in summaries[:3])
-    assert {row.place for row in summaries} <= {row.place for row in watched}
+    assert {row.location for row in summaries} <= {row.location for row in watched}
 
 
 @pytest.mark.slow

@@ -28,7 +28,7 @@ def scored(tmp_path_factory: pytest.TempPathFactory, pictures: Any) -> Path:
     build(pictures(home / "source", 1, 2), home / "rows", corruptions=planners, output="lazy")
     run = ScoreRun(ScoreSettings(dataset=home / "rows", agents=("random",)))
     with run.begin(home / "run", False):
-        left = run.left(home / "run")
+        left = run.remaining_cases(home / "run")
         run.play(home / "run", left, lambda *_: None, lambda *_: None)
     return home
 

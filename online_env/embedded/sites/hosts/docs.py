@@ -48,14 +48,14 @@ async def article(request: Request) -> Response:
     if slug not in pages:
         raise HTTPException(404)
     order = list(pages)
-    place = order.index(slug)
+    index = order.index(slug)
     return page(
         request,
         "article.html",
         article=pages[slug],
         text=render(pages[slug].body),
-        previous=pages[order[place - 1]] if place else None,
-        following=pages[order[place + 1]] if place + 1 < len(order) else None,
+        previous=pages[order[index - 1]] if index else None,
+        following=pages[order[index + 1]] if index + 1 < len(order) else None,
     )
 
 

@@ -93,7 +93,7 @@ def _is_past_date(text: str) -> bool:
     return day.isoformat() == text and date(1900, 1, 1) <= day < TODAY
 
 
-def _found(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+def _find_registration(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
     """Return the registration with the number in the address.
 
     Raises:
@@ -105,7 +105,7 @@ def _found(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[st
     raise HTTPException(404)
 
 
-def _kept(request: Request) -> list[dict[str, Any]]:
+def _registrations(request: Request) -> list[dict[str, Any]]:
     return site_state(request).read("forms").get("registrations", [])
 
 
@@ -163,7 +163,7 @@ def _sheet(
 
 async def confirmation(request: Request) -> Response:
     """Return a registration."""
-    entry = _found(request, _kept(request))
+    entry = _find_registration(request, _registrations(request))
     return page(request, "confirmation.html", entry=entry, over=_is_over(entry))
 
 
@@ -177,7 +177,7 @@ def _open(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str
     Raises:
         HTTPException: There is none (404), or it was cancelled (409).
     """
-    entry = _found(request, entries)
+    entry = _find_registration(request, entries)
     if _is_over(entry):
         raise HTTPException(409, "This registration was cancelled.")
     return entry
@@ -185,7 +185,7 @@ def _open(request: Request, entries: Sequence[Mapping[str, Any]]) -> Mapping[str
 
 async def change(request: Request) -> Response:
     """Return the form with what was entered, and its answers."""
-    entry = _open(request, _kept(request))
+    entry = _open(request, _registrations(request))
     if request.method != "POST":
         return _sheet(request, entry, entry["number"], agreed=True)
     answers, refused = await _answers(request, entry["number"])
@@ -202,7 +202,7 @@ async def change(request: Request) -> Response:
 
 async def cancel(request: Request) -> Response:
     """Return the question whether a registration is to be cancelled, and its answer."""
-    entry = _open(request, _kept(request))
+    entry = _open(request, _registrations(request))
     if request.method != "POST":
         return page(request, "cancel.html", entry=entry)
     with site_state(request).update("forms") as state:
@@ -215,7 +215,7 @@ async def find_registration(request: Request) -> Response:
     """Return the form that asks for a number and an e-mail address."""
     number = query(request, "number")
     email = query(request, "email")
-    for entry in _kept(request):
+    for entry in _registrations(request):
         if str(entry["number"]) == number and entry["email"].lower() == email.lower():
             return see_other(f"/registrations/{number}")
     problem = "There is no registration with this number and e-mail." if number or email else ""

@@ -65,7 +65,7 @@ def received(state: dict[str, Any]) -> list[dict[str, Any]]:
     ]
 
 
-def _written(state: dict[str, Any], folder: str) -> list[dict[str, Any]]:
+def _own_messages(state: dict[str, Any], folder: str) -> list[dict[str, Any]]:
     """Sent messages or drafts, newest first, in the shape of the received ones."""
     common = {
         "from": content()["owner"],
@@ -79,7 +79,7 @@ def _written(state: dict[str, Any], folder: str) -> list[dict[str, Any]]:
 
 def _in_folder(state: dict[str, Any], folder: str) -> list[dict[str, Any]]:
     if folder in ("sent", "drafts"):
-        return _written(state, folder)
+        return _own_messages(state, folder)
     mails = received(state)
     if folder == "starred":
         return [m for m in mails if m["starred"] and m["folder"] != "trash"]
@@ -116,7 +116,7 @@ async def search(request: Request) -> Response:
     """Return the messages with certain words."""
     text = query(request, "q").lower()
     state = site_state(request).read("mail")
-    everything = received(state) + _written(state, "sent")
+    everything = received(state) + _own_messages(state, "sent")
     matches = [
         m for m in everything if text in f"{m['from']['name']} {m['subject']} {m['body']}".lower()
     ]
@@ -129,7 +129,7 @@ async def search(request: Request) -> Response:
 
 
 def _find(state: dict[str, Any], ident: str) -> dict[str, Any]:
-    for letter in received(state) + _written(state, "sent"):
+    for letter in received(state) + _own_messages(state, "sent"):
         if letter["id"] == ident:
             return letter
     raise HTTPException(404)

@@ -241,10 +241,10 @@ async def checkout(request: Request) -> Response:
             subtotal=sum(x["cents"] for x in lines),
         )
     order["gift"] = first(form, "gift") == "yes"
-    return see_other(f"/order/{_place(site_state(request), order)}")
+    return see_other(f"/order/{_place_order(site_state(request), order)}")
 
 
-def _place(sites: SiteState, order: dict[str, Any]) -> str:
+def _place_order(sites: SiteState, order: dict[str, Any]) -> str:
     """Turn the cart as it is now into an order; returns its number."""
     with sites.update("shop") as state:
         lines = _lines(state.get("cart", {}))

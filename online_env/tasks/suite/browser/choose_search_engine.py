@@ -50,7 +50,7 @@ class ChooseSearchEngine(Task):
             hand.click(button)
 
     def wrong_results(self):
-        def put(engine, home_button, number=1):
+        def write_settings(engine, home_button, number=1):
             def change(machine):
                 chromium.change_setting(machine, BUILT_IN, number)
                 chromium.change_setting(machine, KEY, engine)
@@ -60,10 +60,10 @@ class ChooseSearchEngine(Task):
 
         engine, home_button = self.values.engine, self.values.shown
         return {
-            "only the engine": put(engine, not home_button),
-            "only the button": put("Lumen", home_button),
-            "another engine": put("Mojeek", home_button),
-            "another engine under that name": put(engine, home_button, 0),
+            "only the engine": write_settings(engine, not home_button),
+            "only the button": write_settings("Lumen", home_button),
+            "another engine": write_settings("Mojeek", home_button),
+            "another engine under that name": write_settings(engine, home_button, 0),
         }
 
     def right_result(self, machine):

@@ -64,12 +64,12 @@ class DeleteBookmarks(Task):
 
     def wrong_results(self):
         write, entries, host = chromium.write_bookmarks, self.values.entries, self.values.host
-        left = without(entries, host)
+        remaining = without(entries, host)
         other_host = next(name for name in HOSTS if name != host)
         return {
             "another site": lambda m: write(m, without(entries, other_host)),
-            "one is left": lambda m: write(m, [*left, self.going()[0]]),
-            "with their folders": lambda m: write(m, left[1:]),
+            "one is left": lambda m: write(m, [*remaining, self.going()[0]]),
+            "with their folders": lambda m: write(m, remaining[1:]),
             "all": lambda m: write(m, []),
         }
 

@@ -63,7 +63,7 @@ class EnlargeText(Task):
         ]
 
     def wrong_results(self):
-        def put(size, zoom):
+        def write_settings(size, zoom):
             def change(machine):
                 chromium.change_setting(machine, SIZE, size)
                 level = math.log(zoom / 100, ZOOM_BASE)
@@ -74,8 +74,8 @@ class EnlargeText(Task):
         size, zoom = SIZES[self.values.size], self.values.zoom
         return {
             "only the size": lambda m: chromium.change_setting(m, SIZE, size),
-            "another zoom": put(size, zoom + 25),
-            "another size": put(size + 1, zoom),
+            "another zoom": write_settings(size, zoom + 25),
+            "another size": write_settings(size + 1, zoom),
         }
 
     def right_result(self, machine):

@@ -74,21 +74,21 @@ class SavePage(Task):
         path, title = self.values.path, f"<title>{self.values.title} - Openfolio</title>"
         other_slug = next(slug for slug in articles("wiki") if slug not in self.values.place)
 
-        def put(change):
+        def save_changed(change):
             return lambda m: m.write(path, change(self.page_source(m)))
 
         return {
             "in another folder": lambda m: m.write(
                 f"Music/{self.values.file}", self.page_source(m)
             ),
-            "the text alone": put(lambda page: seen_text(page, "article")),
+            "the text alone": save_changed(lambda page: seen_text(page, "article")),
             "another page": lambda m: m.write(path, self.page_source(m, f"/wiki/{other_slug}")),
             "the form to edit it": lambda m: m.write(
                 path, self.page_source(m, self.values.place.replace("wiki", "edit", 1))
             ),
-            "cut off at the end": put(lambda page: page.rstrip().removesuffix("</html>")),
-            "half of it": put(lambda page: f"{page[: len(page) // 2]}</html>"),
-            "its title alone": put(lambda page: f"{title}</html>\n"),
+            "cut off at the end": save_changed(lambda page: page.rstrip().removesuffix("</html>")),
+            "half of it": save_changed(lambda page: f"{page[: len(page) // 2]}</html>"),
+            "its title alone": save_changed(lambda page: f"{title}</html>\n"),
         }
 
     def right_result(self, machine):
@@ -96,6 +96,6 @@ class SavePage(Task):
         machine.write(self.values.path, f"<!-- saved from {self.values.url} -->\n{page}\n")
         machine.write(f"{self.values.path.removesuffix('.html')}_files/base.css", "body {}")
 
-    def page_source(self, machine, place=""):
+    def page_source(self, machine, path=""):
         """Return a page of the wiki, by default the article's, as the site sends it."""
-        return served_page(machine, "wiki.test", place or self.values.place).decode()
+        return served_page(machine, "wiki.test", path or self.values.place).decode()

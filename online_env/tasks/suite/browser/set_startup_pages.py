@@ -57,7 +57,7 @@ class SetStartupPages(Task):
             hand.wait_until_gone("push-button", OLD)
 
     def wrong_results(self):
-        def put(kind, *urls):
+        def write_settings(kind, *urls):
             def change(machine):
                 chromium.change_setting(machine, "session.restore_on_startup", kind)
                 chromium.change_setting(machine, "session.startup_urls", list(urls))
@@ -66,9 +66,9 @@ class SetStartupPages(Task):
 
         pages, startup_mode = self.values.urls, chromium.GIVEN_PAGES
         return {
-            "added to the old one": put(startup_mode, "http://search.test/", *pages),
-            "another page": put(startup_mode, "http://example.test/"),
-            "a new tab": put(5, *pages),
+            "added to the old one": write_settings(startup_mode, "http://search.test/", *pages),
+            "another page": write_settings(startup_mode, "http://example.test/"),
+            "a new tab": write_settings(5, *pages),
             "as the home page": lambda m: chromium.change_setting(m, "homepage", pages[0]),
         }
 

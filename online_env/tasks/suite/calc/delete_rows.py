@@ -44,8 +44,8 @@ class DeleteRows(SheetTask):
         return book({"Orders": [HEADER, *self.values.rows]})
 
     def judge(self, after, before):
-        left = [row for row in self.values.rows if row[3] != self.values.state]
-        yield from changes(after, read_book(dump(book({"Orders": [HEADER, *left]}))))
+        remaining_rows = [row for row in self.values.rows if row[3] != self.values.state]
+        yield from changes(after, read_book(dump(book({"Orders": [HEADER, *remaining_rows]}))))
 
     def oracle(self, hand):
         for number in reversed(matching(hand, self.values.state)):

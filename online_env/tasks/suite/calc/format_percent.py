@@ -42,9 +42,9 @@ class FormatPercent(SheetTask):
     def judge(self, after, before):
         cells = dict(before.cells)
         for address in self.cells():
-            place = (before.sheets[0], address)
-            number_format = after.cells.get(place, before.cells[place]).number_format
-            cells[place] = replace(cells[place], number_format=number_format)
+            cell = (before.sheets[0], address)
+            number_format = after.cells.get(cell, before.cells[cell]).number_format
+            cells[cell] = replace(cells[cell], number_format=number_format)
             if "%" not in re.sub(
                 r'"[^"]*"|\\.', "", number_format
             ):  # a quoted sign is only a letter

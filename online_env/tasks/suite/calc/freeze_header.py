@@ -59,7 +59,7 @@ class FreezeHeader(SheetTask):
 
     def wrong_results(self):
         expected = PARTS[self.values.part]
-        other_places = [place for place in PARTS.values() if place != expected]
+        other_places = [address for address in PARTS.values() if address != expected]
         return {
             "another part": self.with_frozen_pane(other_places[0]),
             "yet another part": self.with_frozen_pane(other_places[1]),
@@ -71,14 +71,14 @@ class FreezeHeader(SheetTask):
     def right_result(self, machine):
         self.with_frozen_pane(PARTS[self.values.part], scrolled="C30")(machine)
 
-    def with_frozen_pane(self, place, state="frozen", start="A1", scrolled=""):
+    def with_frozen_pane(self, address, state="frozen", start="A1", scrolled=""):
         """Return what freezes all above and left of a cell, where a view begins and scrolls to."""
 
         def change(workbook):
             view = workbook.active.sheet_view
-            workbook.active.freeze_panes = place
+            workbook.active.freeze_panes = address
             view.topLeftCell = start
             view.pane.state = state
-            view.pane.topLeftCell = scrolled or place
+            view.pane.topLeftCell = scrolled or address
 
         return self.edit_document(change)

@@ -67,15 +67,15 @@ class SetWallpaper(Task):
         ]
 
     def wrong_results(self):
-        place = self.values.place
+        folder = self.values.place
         file = self.values.file
         other_file = next(name for name in self.values.files if name != file)
         copy = "Pictures/wallpaper.png"
         return {
-            "another picture": lambda m: show(m, f"{place}/{other_file}"),
-            "only copied": lambda m: m.run("cp", f"{place}/{file}", copy),
+            "another picture": lambda m: show(m, f"{folder}/{other_file}"),
+            "only copied": lambda m: m.run("cp", f"{folder}/{file}", copy),
             "set, but not shown": lambda m: (
-                show(m, f"{place}/{file}"),
+                show(m, f"{folder}/{file}"),
                 desktop_settings.store(m, "xfce4-desktop", STYLE, NO_PICTURE),
             ),
             "a path that is not there": lambda m: show(m, f"Pictures/{file}"),

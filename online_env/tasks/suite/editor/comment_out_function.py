@@ -25,9 +25,9 @@ class CommentOutFunction(Task):
     )
 
     def draw(self, stream):
-        things = sample(stream, GOODS, 4)
+        goods = sample(stream, GOODS, 4)
         verbs = sample(stream, NAMES, 4)
-        functions = [f"{verb}_{thing}" for verb, thing in zip(verbs, things, strict=True)]
+        functions = [f"{verb}_{item}" for verb, item in zip(verbs, goods, strict=True)]
         bodies = [source(stream, function) for function in functions]
         index = stream.integer(0, 3)
         lines = ["import math", "", ""]

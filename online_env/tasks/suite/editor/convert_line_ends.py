@@ -30,8 +30,8 @@ class ConvertLineEnds(Task):
     def draw(self, stream):
         system = stream.choice(list(ENDS))
         lines = [
-            f"{stream.integer(1000, 9999)};{thing};{name};{stream.choice(CITIES)}"
-            for thing, name in zip(
+            f"{stream.integer(1000, 9999)};{item};{name};{stream.choice(CITIES)}"
+            for item, name in zip(
                 sample(stream, GOODS, 7), sample(stream, LAST_NAMES, 7), strict=True
             )
         ]

@@ -28,8 +28,8 @@ class InsertLine(Task):
     def draw(self, stream):
         lines = []
         names = sample(stream, FIRST_NAMES, 3 * KEEPERS)
-        for part, place in enumerate(sample(stream, PLACES, 3)):
-            lines.append(f"== {place} ==")
+        for part, heading in enumerate(sample(stream, PLACES, 3)):
+            lines.append(f"== {heading} ==")
             keepers = names[part * KEEPERS : (part + 1) * KEEPERS]
             lines += [f"{stream.choice(GOODS)}: {keeper}" for keeper in keepers]
             lines.append("")

@@ -32,13 +32,13 @@ class JoinTexts(Task):
         names = sample(stream, LAST_NAMES, 10)
         lines = [f"{name}, {stream.choice(CITIES)}" for name in names]
         cut = stream.integer(3, 7)
-        place = stream.choice(PLACES)
+        folder = stream.choice(PLACES)
         return {
             "first": f"{kind}-{first_side}.txt",
             "second": f"{kind}-{two}.txt",
             "new": f"all {kind}.txt",
-            "place": place,
-            "path": f"{place}/all {kind}.txt",
+            "place": folder,
+            "path": f"{folder}/all {kind}.txt",
             "texts": ("\n".join(lines[:cut]) + "\n", "\n".join(lines[cut:]) + "\n"),
         }
 

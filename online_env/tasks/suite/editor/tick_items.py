@@ -38,12 +38,12 @@ class TickItems(Task):
 
     def draw(self, stream):
         names = sample(stream, FIRST_NAMES, len(WORK))
-        things = sample(stream, GOODS, len(WORK))
+        goods = sample(stream, GOODS, len(WORK))
         cities = sample(stream, CITIES, len(WORK))
         items = [
-            work.format(name=name, thing=thing, city=city)
-            for work, name, thing, city in zip(
-                sample(stream, WORK, 10), names, things, cities, strict=True
+            work.format(name=name, thing=item, city=city)
+            for work, name, item, city in zip(
+                sample(stream, WORK, 10), names, goods, cities, strict=True
             )
         ]
         order = sample(stream, range(len(items)), 5)

@@ -30,10 +30,10 @@ class CopyFolder(Task):
         month = stream.choice(MONTHS)
         files = [f"{topic}.txt" for topic in sample(stream, TOPICS, 3)]
         files.append(f"Pictures/{stream.choice(TOPICS)}.png")
-        place = f"Documents/{project}"
+        folder_path = f"Documents/{project}"
         return {
             "project": project,
-            "place": place,
+            "place": folder_path,
             "copy": f"{project} {month}",
             "old": f"{BACKUPS}/{project} (old)",
             "target": f"{BACKUPS}/{project} {month}",
@@ -49,9 +49,9 @@ class CopyFolder(Task):
         return "thunar", machine.path("Documents")
 
     def problems(self, machine):
-        place, target = self.values.place, self.values.target
-        paths = paths_below(machine, place)
-        copies = [(f"{place}/{path}", f"{target}/{path}") for path in paths]
+        folder_path, target = self.values.place, self.values.target
+        paths = paths_below(machine, folder_path)
+        copies = [(f"{folder_path}/{path}", f"{target}/{path}") for path in paths]
         yield from arrangement_problems(machine, copied=copies)
 
     def oracle(self, hand):
@@ -78,14 +78,14 @@ class CopyFolder(Task):
         ]
 
     def wrong_results(self):
-        place, target, old = self.values.place, self.values.target, self.values.old
+        folder_path, target, old = self.values.place, self.values.target, self.values.old
         picture = self.values.files[-1]
         return {
-            "moved": lambda m: m.run("mv", place, target),
+            "moved": lambda m: m.run("mv", folder_path, target),
             "the old backup copied": lambda m: m.run("cp", "-r", old, target),
-            "not renamed": lambda m: m.run("cp", "-r", place, BACKUPS),
+            "not renamed": lambda m: m.run("cp", "-r", folder_path, BACKUPS),
             "without the picture": lambda m: m.run(
-                "sh", "-c", f"cp -r '{place}' '{target}' && rm '{target}/{picture}'"
+                "sh", "-c", f"cp -r '{folder_path}' '{target}' && rm '{target}/{picture}'"
             ),
         }
 

@@ -88,6 +88,6 @@ class MakeFolderTree(Task):
 
 
 def half_file(machine, folders):
-    """Make the folders, but a file in the place of the last."""
+    """Make the folders, but a file instead of the last."""
     machine.run("mkdir", "-p", *folders[:-1])
     machine.write(folders[-1], "")

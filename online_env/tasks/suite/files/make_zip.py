@@ -30,13 +30,13 @@ class MakeZip(Task):
 
     def draw(self, stream):
         names = [f"{topic}.pdf" for topic in sample(stream, TOPICS, 6)]
-        place = f"Documents/{stream.choice(FOLDERS)}"
+        folder_path = f"Documents/{stream.choice(FOLDERS)}"
         archive = f"{stream.choice(NAMES)}-{stream.integer(10, 99)}.zip"
         return {
-            "folder": place.rpartition("/")[2],
-            "place": place,
+            "folder": folder_path.rpartition("/")[2],
+            "place": folder_path,
             "archive": archive,
-            "path": f"{place}/{archive}",
+            "path": f"{folder_path}/{archive}",
             "packed": names[:3],
             "a": names[0],
             "b": names[1],

@@ -22,7 +22,7 @@ class MoveBiggest(Task):
     )
 
     def draw(self, stream):
-        place, target = stream.choice(PLACES)
+        source, target = stream.choice(PLACES)
         sizes = [stream.integer(100, 900) for _ in range(4)]  # KiB
         sizes += [stream.integer(2_000, 3_000), stream.integer(1_300, 1_900), 990, 9]
         words = sample(stream, [*CITIES, *TOPICS], len(sizes))
@@ -30,7 +30,7 @@ class MoveBiggest(Task):
         files = dict(shuffle(stream, list(zip(names, sizes, strict=True))))
         order = sorted(files, key=files.__getitem__)
         return {
-            "place": place,
+            "place": source,
             "target": target,
             "files": files,
             "biggest": order[-1],

@@ -26,8 +26,8 @@ class RenameFile(Task):
         year = stream.integer(2019, 2025)
         names = [f"{topic}-{year}.txt" for topic in sample(stream, TOPICS, 5)]
         new = f"final {names.pop()}"
-        place = f"Documents/{folder}"
-        return {"folder": folder, "place": place, "names": names, "old": names[0], "new": new}
+        folder_path = f"Documents/{folder}"
+        return {"folder": folder, "place": folder_path, "names": names, "old": names[0], "new": new}
 
     def prepare(self, machine):
         for name in self.values.names:
@@ -58,17 +58,19 @@ class RenameFile(Task):
         return ['window "Thunar"', *plan_steps.rename(self.values.old, self.values.new)]
 
     def wrong_results(self):
-        place, new = self.values.place, self.values.new
+        folder_path, new = self.values.place, self.values.new
         old, other_name = self.values.names[:2]
         return {
-            "a copy": lambda m: m.run("cp", f"{place}/{old}", f"{place}/{new}"),
-            "another file": lambda m: m.run("mv", f"{place}/{other_name}", f"{place}/{new}"),
-            "in another folder": lambda m: m.run("mv", f"{place}/{old}", f"Documents/{new}"),
+            "a copy": lambda m: m.run("cp", f"{folder_path}/{old}", f"{folder_path}/{new}"),
+            "another file": lambda m: m.run(
+                "mv", f"{folder_path}/{other_name}", f"{folder_path}/{new}"
+            ),
+            "in another folder": lambda m: m.run("mv", f"{folder_path}/{old}", f"Documents/{new}"),
         }
 
     def right_result(self, machine):
-        place = self.values.place
-        machine.run("mv", f"{place}/{self.values.old}", f"{place}/{self.values.new}")
+        folder_path = self.values.place
+        machine.run("mv", f"{folder_path}/{self.values.old}", f"{folder_path}/{self.values.new}")
 
 
 def content(name: str) -> str:

@@ -34,11 +34,11 @@ class RenamePhotos(Task):
             names.append(f"IMG_{number}.jpg")
         title = f"{event} {stream.integer(2018, 2025)}"
         folder = f"{city} trip"
-        place = f"Pictures/{folder}"
+        folder_path = f"Pictures/{folder}"
         return {
             "folder": folder,
             "title": title,
-            "place": place,
+            "place": folder_path,
             "pairs": [(old, f"{title} {index}.jpg") for index, old in enumerate(names, 1)],
             "others": [f"{city}.png", f"IMG_{number}.txt"],
         }
@@ -52,8 +52,11 @@ class RenamePhotos(Task):
 
     def moves(self, pairs=()):
         """Return old and new paths."""
-        place = self.values.place
-        return [(f"{place}/{old}", f"{place}/{new}") for old, new in pairs or self.values.pairs]
+        folder_path = self.values.place
+        return [
+            (f"{folder_path}/{old}", f"{folder_path}/{new}")
+            for old, new in pairs or self.values.pairs
+        ]
 
     def problems(self, machine):
         yield from arrangement_problems(machine, self.moves())

@@ -60,13 +60,13 @@ class SortDownloads(Task):
         for folder in self.values.files:
             thunar.make_folder(hand, folder)
         for folder, names in self.values.files.items():
-            left = thunar.present(hand, *names)
-            if not left:
+            present_names = thunar.present(hand, *names)
+            if not present_names:
                 continue
-            thunar.select(hand, *left)
+            thunar.select(hand, *present_names)
             hand.press("ctrl", "x")
             thunar.enter(hand, folder)
-            thunar.paste(hand, *left)
+            thunar.paste(hand, *present_names)
             thunar.up(hand, PLACE)
 
     def plan(self):

@@ -27,10 +27,10 @@ class TrashAndRestore(Task):
 
     def draw(self, stream):
         names = [f"{topic}.txt" for topic in sample(stream, TOPICS, 6)]
-        place = f"Documents/{stream.choice(FOLDERS)}"
+        folder_path = f"Documents/{stream.choice(FOLDERS)}"
         return {
-            "folder": place.rpartition("/")[2],
-            "place": place,
+            "folder": folder_path.rpartition("/")[2],
+            "place": folder_path,
             "kept": names[:3],
             "trash": names[3:],
             "out": names[0],
@@ -47,14 +47,14 @@ class TrashAndRestore(Task):
         return "thunar", machine.path(self.values.place)
 
     def problems(self, machine):
-        place = self.values.place
-        out, restored = f"{place}/{self.values.out}", f"{place}/{self.values.back}"
+        folder_path = self.values.place
+        out, restored = f"{folder_path}/{self.values.out}", f"{folder_path}/{self.values.back}"
         yield from machine.unexpected_changes(out, restored)
         if machine.exists(out):
             yield f"{out} is still there"
         if machine.read(restored) != sample_file(self.values.back):
             yield f"{restored} is not there as it was"
-        expected = {f"{place}/{name}" for name in [self.values.out, *self.values.trash[1:]]}
+        expected = {f"{folder_path}/{name}" for name in [self.values.out, *self.values.trash[1:]]}
         trash = set(trashed_files(machine))
         if trash != expected:
             yield f"the trash holds {sorted(trash)}, not {sorted(expected)}"
@@ -87,19 +87,22 @@ class TrashAndRestore(Task):
         ]
 
     def wrong_results(self):
-        place, out, restored = self.values.place, self.values.out, self.values.back
+        folder_path, out, restored = self.values.place, self.values.out, self.values.back
         other_file = self.values.trash[1]
         return {
             "deleted for good": lambda m: (
-                m.run("rm", f"{place}/{out}"),
-                restore(m, place, restored),
+                m.run("rm", f"{folder_path}/{out}"),
+                restore(m, folder_path, restored),
             ),
-            "nothing restored": lambda m: trash(m, place, out),
-            "another one restored": lambda m: (trash(m, place, out), restore(m, place, other_file)),
+            "nothing restored": lambda m: trash(m, folder_path, out),
+            "another one restored": lambda m: (
+                trash(m, folder_path, out),
+                restore(m, folder_path, other_file),
+            ),
             "restored to Documents": lambda m: (
-                trash(m, place, out),
-                restore(m, place, restored),
-                m.run("mv", f"{place}/{restored}", "Documents"),
+                trash(m, folder_path, out),
+                restore(m, folder_path, restored),
+                m.run("mv", f"{folder_path}/{restored}", "Documents"),
             ),
         }
 
@@ -108,12 +111,12 @@ class TrashAndRestore(Task):
         trash(machine, self.values.place, self.values.out)
 
 
-def trash(machine, place, name):
+def trash(machine, folder_path, name):
     """Move a file to the trash."""
-    move_to_trash(machine, f"{place}/{name}", machine.read(f"{place}/{name}"))
-    machine.run("rm", f"{place}/{name}")
+    move_to_trash(machine, f"{folder_path}/{name}", machine.read(f"{folder_path}/{name}"))
+    machine.run("rm", f"{folder_path}/{name}")
 
 
-def restore(machine, place, name):
+def restore(machine, folder_path, name):
     """Get a file out of the trash."""
-    take_out(machine, f"{place}/{name}")
+    take_out(machine, f"{folder_path}/{name}")

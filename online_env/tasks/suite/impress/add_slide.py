@@ -41,9 +41,9 @@ class AddSlide(SlideTask):
         return presentation(self.values.slides)
 
     def judge(self, after, before):
-        place = self.values.index + 1
+        index = self.values.index + 1
         new = SlideContent(title=self.values.title)
-        yield from slide_changes(after, (*before[:place], new, *before[place:]))
+        yield from slide_changes(after, (*before[:index], new, *before[index:]))
 
     def oracle(self, hand):
         count = len(self.values.slides)
@@ -67,23 +67,23 @@ class AddSlide(SlideTask):
         ]
 
     def wrong_results(self):
-        title, place = self.values.title, self.values.index + 1
+        title, index = self.values.title, self.values.index + 1
         return {
-            "at the wrong place": self.put(title, place - 1),
-            "without a title": self.put("", place),
-            "another title": self.put(title.upper(), place),
-            "with a text": self.put(title, place, "more"),
+            "at the wrong place": self.insert_slide(title, index - 1),
+            "without a title": self.insert_slide("", index),
+            "another title": self.insert_slide(title.upper(), index),
+            "with a text": self.insert_slide(title, index, "more"),
         }
 
     def right_result(self, machine):
-        self.put(self.values.title, self.values.index + 1)(machine)
+        self.insert_slide(self.values.title, self.values.index + 1)(machine)
 
-    def put(self, title, place, text=""):
+    def insert_slide(self, title, index, text=""):
         """Return what adds a slide with a number of slides before it."""
 
         def change(presentation_file):
             order = list(range(len(presentation_file.slides)))
             add_slide(presentation_file, title, text)
-            order_slides(presentation_file, [*order[:place], len(order), *order[place:]])
+            order_slides(presentation_file, [*order[:index], len(order), *order[index:]])
 
         return self.edit_document(change)

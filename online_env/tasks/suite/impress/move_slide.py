@@ -76,16 +76,16 @@ class MoveSlide(SlideTask):
         other_slides = [number for number in order if number != index]
         is_first = self.values.order == "first"
         return {
-            "to the other end": self.put(
+            "to the other end": self.reorder(
                 [*other_slides, index] if is_first else [index, *other_slides]
             ),
-            "the others turned": self.put([index, *other_slides[::-1]]),
-            "without it": self.put(other_slides),
+            "the others turned": self.reorder([index, *other_slides[::-1]]),
+            "without it": self.reorder(other_slides),
         }
 
     def right_result(self, machine):
-        self.put(self.expected_order())(machine)
+        self.reorder(self.expected_order())(machine)
 
-    def put(self, order):
+    def reorder(self, order):
         """Return what leaves some slides, in an order."""
         return self.edit_document(lambda presentation_file: order_slides(presentation_file, order))

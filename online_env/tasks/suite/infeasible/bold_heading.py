@@ -27,13 +27,13 @@ class BoldHeading(Task):
 
     def draw(self, stream):
         topic = stream.choice(TOPICS)
-        things = sample(stream, GOODS, 4)
+        goods = sample(stream, GOODS, 4)
         heading = f"{topic.capitalize()} for {stream.choice(CITIES)}"
         return {
             "file": f"{topic}-{stream.integer(10, 99)}.txt",
             "heading": heading,
             "look": stream.choice(FORMATS),
-            "text": "\n".join([heading, "", *(f"one {thing}" for thing in things), ""]),
+            "text": "\n".join([heading, "", *(f"one {item}" for item in goods), ""]),
         }
 
     def prepare(self, machine):

@@ -58,10 +58,10 @@ class CopyToStick(Task):
         ]
 
     def wrong_results(self):
-        place, stick = self.values.place, self.values.stick
+        file, stick = self.values.place, self.values.stick
         old = f"Documents/Old {stick}"
         return {
-            "a folder of that name": lambda m: m.run("cp", "-r", place, f"Documents/{stick}"),
-            "into a folder with the name": lambda m: m.run("cp", "-r", place, old),
-            "on the desktop": lambda m: m.run("cp", "-r", place, f"Desktop/{stick}"),
+            "a folder of that name": lambda m: m.run("cp", "-r", file, f"Documents/{stick}"),
+            "into a folder with the name": lambda m: m.run("cp", "-r", file, old),
+            "on the desktop": lambda m: m.run("cp", "-r", file, f"Desktop/{stick}"),
         }

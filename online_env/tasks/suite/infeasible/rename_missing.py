@@ -26,12 +26,12 @@ class RenameMissing(Task):
     def draw(self, stream):
         topic, *other_topics = sample(stream, TOPICS, 3)
         year = stream.integer(2015, 2024)
-        place = f"Documents/{stream.choice(FOLDERS)}"
+        folder_path = f"Documents/{stream.choice(FOLDERS)}"
         names = [f"{topic}-{year - 1}.pdf", f"{topic}-{year + 1}.pdf", f"{topic}-{year}.txt"]
         names += [f"{other_topic}-{year}.pdf" for other_topic in other_topics]
         return {
-            "folder": place.rpartition("/")[2],
-            "place": place,
+            "folder": folder_path.rpartition("/")[2],
+            "place": folder_path,
             "old": f"{topic}-{year}.pdf",
             "new": f"{topic} {year} signed.pdf",
             "names": names,
@@ -66,9 +66,13 @@ class RenameMissing(Task):
         ]
 
     def wrong_results(self):
-        place, new, names = self.values.place, self.values.new, self.values.names
+        folder_path, new, names = self.values.place, self.values.new, self.values.names
         return {
-            "another year": lambda m: m.run("mv", f"{place}/{names[0]}", f"{place}/{new}"),
-            "another ending": lambda m: m.run("mv", f"{place}/{names[2]}", f"{place}/{new}"),
-            "a new file": lambda m: m.write(f"{place}/{new}", ""),
+            "another year": lambda m: m.run(
+                "mv", f"{folder_path}/{names[0]}", f"{folder_path}/{new}"
+            ),
+            "another ending": lambda m: m.run(
+                "mv", f"{folder_path}/{names[2]}", f"{folder_path}/{new}"
+            ),
+            "a new file": lambda m: m.write(f"{folder_path}/{new}", ""),
         }

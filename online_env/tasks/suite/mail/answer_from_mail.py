@@ -28,7 +28,7 @@ class AnswerFromMail(mail.MailTask):
 
     def draw(self, stream):
         asker, teller, third = sample(stream, FIRST_NAMES, 3)
-        thing, subject, low, high = stream.choice(QUESTIONS)
+        topic, subject, low, high = stream.choice(QUESTIONS)
         old, new = sample(stream, range(low, high), 2)
         day = stream.integer(12, 20)
         mails_with_facts = (
@@ -47,7 +47,7 @@ class AnswerFromMail(mail.MailTask):
             )
             for index, (name, number, date) in enumerate(mails_with_facts)
         ]
-        question = f"Hello Robin,\n\ncould you tell me {thing}? I have lost it.\n\n{asker}"
+        question = f"Hello Robin,\n\ncould you tell me {topic}? I have lost it.\n\n{asker}"
         sender = (asker, "asker@mail.test")
         question_mail = mail.message("q", sender, "A question", question, "2026-03-04T08:50")
         return {
@@ -55,7 +55,7 @@ class AnswerFromMail(mail.MailTask):
             "asker": asker,
             "question": question,
             "teller": teller,
-            "thing": thing,
+            "thing": topic,
             "subject": subject,
             "old": str(old),
             "new": str(new),

@@ -18,7 +18,7 @@ class MarkFoundUnread(mail.MailTask):
     )
 
     def draw(self, stream):
-        things = sample(stream, GOODS, 6)
+        goods = sample(stream, GOODS, 6)
         cities = sample(stream, CITIES, 6)
         names = sample(stream, FIRST_NAMES, 6)
         mails = [
@@ -26,13 +26,13 @@ class MarkFoundUnread(mail.MailTask):
                 f"r{index}",
                 (name, f"market{index}@mail.test"),
                 "From the market",
-                f"Hi Robin,\n\nI have found it in {stream.choice(MONTHS)}: a {thing} from {city}."
+                f"Hi Robin,\n\nI have found it in {stream.choice(MONTHS)}: a {item} from {city}."
                 f" Do you want it?\n\n{name}",
                 f"2026-02-{10 + index}T11:{stream.integer(10, 59)}",
                 read=True,
                 folder="archive",
             )
-            for index, (name, thing, city) in enumerate(zip(names, things, cities, strict=True))
+            for index, (name, item, city) in enumerate(zip(names, goods, cities, strict=True))
         ]
         index = stream.integer(0, 5)
         return {
@@ -40,7 +40,7 @@ class MarkFoundUnread(mail.MailTask):
             "ident": f"r{index}",
             "other": f"r{(index + 1) % 6}",
             "who": names[index],
-            "thing": things[index],
+            "thing": goods[index],
             "city": cities[index],
         }
 

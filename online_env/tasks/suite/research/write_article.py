@@ -31,8 +31,8 @@ class WriteArticle(Task):
     )
 
     def draw(self, stream):
-        place, thing = stream.choice(PLACES), stream.choice(THINGS)
-        title = f"{place} {thing}"
+        site, building = stream.choice(PLACES), stream.choice(THINGS)
+        title = f"{site} {building}"
         year, height = stream.integer(1790, 1990), stream.integer(4, 60)
         text = (
             f"The **{title}** in Port Alder was built in {year} and is {height} metres high.\n\n"

@@ -29,17 +29,17 @@ class SetPermissions(Task):
 
     def draw(self, stream):
         folder = stream.choice(("scripts", "jobs", "server", "automation"))
-        thing = stream.choice(GOODS)
-        scripts = [f"{word}-{thing}.sh" for word in sample(stream, WORK, stream.integer(3, 5))]
+        item = stream.choice(GOODS)
+        scripts = [f"{word}-{item}.sh" for word in sample(stream, WORK, stream.integer(3, 5))]
         secret, other_file = sample(stream, SECRETS, 2)
-        place = f"Documents/{folder}"
+        folder_path = f"Documents/{folder}"
         return {
             "folder": folder,
-            "place": place,
-            "scripts": [f"{place}/{name}" for name in scripts],
+            "place": folder_path,
+            "scripts": [f"{folder_path}/{name}" for name in scripts],
             "secret": secret,
-            "key": f"{place}/{secret}",
-            "others": [f"{place}/{other_file}", f"{place}/readme.sh.txt"],
+            "key": f"{folder_path}/{secret}",
+            "others": [f"{folder_path}/{other_file}", f"{folder_path}/readme.sh.txt"],
         }
 
     def prepare(self, machine):

@@ -24,13 +24,13 @@ class SnapScene(Task):
 
     def draw(self, stream):
         titles = [f"The {word}" for word in sample(stream, GOODS, 8)]
-        place = stream.integer(2, 7)
+        index = stream.integer(2, 7)
         film = f"film-{stream.integer(10, 99)}.avi"
-        return {"titles": titles, "place": place, "title": titles[place], "film": film}
+        return {"titles": titles, "place": index, "title": titles[index], "film": film}
 
     def prepare(self, machine):
         vlc.prepare(machine)
-        scenes = [self.scene(place) for place in range(len(self.values.titles))]
+        scenes = [self.scene(index) for index in range(len(self.values.titles))]
         machine.write(f"Videos/{self.values.film}", recordings.film(scenes))
 
     def initial_app(self, machine):
@@ -71,6 +71,6 @@ class SnapScene(Task):
         picture = gimp.encode(self.scene(self.values.place), "JPEG", 80)
         machine.write("Pictures/still.jpg", picture)
 
-    def scene(self, place):
+    def scene(self, index):
         """Return the picture of a scene."""
-        return recordings.scene(Stream(self.seed, f"snap_scene {place}"), self.values.titles[place])
+        return recordings.scene(Stream(self.seed, f"snap_scene {index}"), self.values.titles[index])

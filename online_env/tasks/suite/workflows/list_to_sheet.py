@@ -25,8 +25,8 @@ class ListToSheet(SheetTask):
     def draw(self, stream):
         count = stream.integer(4, 7)
         rows = [
-            (f"{first} {stream.choice(LAST_NAMES)}", thing)
-            for first, thing in zip(
+            (f"{first} {stream.choice(LAST_NAMES)}", item)
+            for first, item in zip(
                 sample(stream, FIRST_NAMES, count), sample(stream, GOODS, count), strict=True
             )
         ]
@@ -44,7 +44,7 @@ class ListToSheet(SheetTask):
 
     def prepare(self, machine):
         super().prepare(machine)
-        lines = [f"{name}: {thing}" for name, thing in self.values.rows]
+        lines = [f"{name}: {item}" for name, item in self.values.rows]
         machine.write(self.values.text, "\n".join(lines) + "\n")
 
     def judge(self, after, before):
@@ -58,9 +58,9 @@ class ListToSheet(SheetTask):
     def cells(self):
         """Return the entries by address."""
         entries = {}
-        for number, (name, thing) in enumerate(self.values.rows, 2):
+        for number, (name, item) in enumerate(self.values.rows, 2):
             entries[f"A{number}"] = name
-            entries[f"B{number}"] = thing
+            entries[f"B{number}"] = item
         return entries
 
     def oracle(self, hand):
@@ -72,16 +72,16 @@ class ListToSheet(SheetTask):
         hand.press("ctrl", "q")
         hand.wait_until_gone("frame", app="mousepad")
         for number, line in enumerate(note.splitlines(), 2):
-            name, _, thing = line.partition(": ")
+            name, _, item = line.partition(": ")
             go_to(hand, f"A{number}")
-            hand.type(f"{name}\t{thing}\n")
+            hand.type(f"{name}\t{item}\n")
         save(hand)
 
     def plan(self):
         steps = [plan_steps.CALC]
-        for number, (name, thing) in enumerate(self.values.rows, 2):
+        for number, (name, item) in enumerate(self.values.rows, 2):
             steps += plan_steps.enter_in_cell(f"A{number}", name)
-            steps += plan_steps.enter_in_cell(f"B{number}", thing)
+            steps += plan_steps.enter_in_cell(f"B{number}", item)
         return [*steps, *plan_steps.SAVE_XLSX]
 
     def wrong_results(self):

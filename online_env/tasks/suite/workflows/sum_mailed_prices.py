@@ -30,7 +30,7 @@ class SumMailedPrices(Task):
         sender = stream.choice(FIRST_NAMES)
         goods = sample(stream, GOODS, stream.integer(3, 5))
         cents = [stream.integer(150, 9999) for _ in goods]
-        listed = [f"{thing}: ${c / 100:.2f}" for thing, c in zip(goods, cents, strict=True)]
+        listed = [f"{item}: ${c / 100:.2f}" for item, c in zip(goods, cents, strict=True)]
         body = "Hello Robin,\n\nhere is what you asked for:\n\n  {}\n\n{}"
         return {
             "who": sender,
@@ -104,7 +104,7 @@ class SumMailedPrices(Task):
         }
 
     def right_result(self, machine):
-        rows = [f"{thing.upper()}\t{price}" for thing, price in self.values.prices.items()]
+        rows = [f"{item.upper()}\t{price}" for item, price in self.values.prices.items()]
         rows.reverse()
         machine.write(self.path, "\n".join([*rows, "", f"total = {self.values.total} $"]) + "\n")
 

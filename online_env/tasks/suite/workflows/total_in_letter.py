@@ -119,7 +119,7 @@ class TotalInLetter(TextTask):
         self.put(self.sentence(f"{self.values.total:,}"))(machine)
 
     def put(self, text):
-        """Return what writes a sentence in the place of the one with the blank."""
+        """Return what replaces the sentence with the blank."""
 
         def change(document_file):
             find_paragraph(document_file, self.values.paragraphs[2]).text = text

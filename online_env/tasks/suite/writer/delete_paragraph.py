@@ -33,8 +33,10 @@ class DeleteParagraph(TextTask):
 
     def judge(self, after, before):
         removed_texts = (self.values.line, self.values.body)
-        left = [paragraph for paragraph in before.paragraphs if paragraph.text not in removed_texts]
-        yield from text_changes(after, replace(before, paragraphs=tuple(left)))
+        remaining = [
+            paragraph for paragraph in before.paragraphs if paragraph.text not in removed_texts
+        ]
+        yield from text_changes(after, replace(before, paragraphs=tuple(remaining)))
 
     def oracle(self, hand):
         for text in (self.values.line, self.values.body):
