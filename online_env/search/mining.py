@@ -106,13 +106,15 @@ def write_groups(folder: Path, out: Path) -> None:
     """Write a benchmark for each group of lost episodes of a run, and print the groups.
 
     Raises:
-        ReportError: The run is of `hijack score` or of another harness, or `out` is not empty.
+        ReportError: The run is not of `hijack bench`, or `out` is not empty.
     """
     run = reading.read(folder)
     if not run.is_live:
         raise ReportError(f"{folder}: holds no live episodes, which causes need (hijack bench)")
     if out.exists() and any(out.iterdir()):
         raise ReportError(f"{out}: is not empty; give --out a new folder")
+    if "corruptions" not in run.config:
+        raise ReportError(f"{folder}: is the log of an environment, and says not what was played")
     planners = read_planners(run.config["corruptions"])
     counts, episodes = find_lost(run, group_records(run.records))
     disturbed = sum(count.disturbed for count in counts)

@@ -15,6 +15,7 @@ from online_env.report.causes import LostEpisode
 from online_env.search.mining import group_lost
 
 from support.reported import made, run_of
+from support.runlog import make_run
 
 LOCK = {"effects": [{"step": 0, "record": {"effect": "lock", "probes": [{"ok": True}]}}]}
 PLANNERS = {"clean": None, "locked": hj.Verification(), "marks_s4": hj.Marks.at(4)}
@@ -64,6 +65,12 @@ def test_a_run_becomes_benchmarks(tmp_path: Any, capsys: Any) -> None:
     assert set(bench.tasks) == {"write_note", "rename_file"}
     assert bench.planners == {"clean": None, "locked": hj.Verification()}
     assert main_exit(["mine", str(run), "-o", str(tmp_path / "lost")]) == 2
+
+
+def test_a_run_without_a_configuration_is_refused(tmp_path: Any, capsys: Any) -> None:
+    run = make_run(tmp_path / "run")
+    assert main_exit(["mine", str(run), "-o", str(tmp_path / "lost")]) == 2
+    assert "is the log of an environment" in capsys.readouterr().err
 
 
 def main_exit(words: list[str]) -> Any:
