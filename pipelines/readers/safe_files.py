@@ -409,15 +409,10 @@ def _is_inside(path: Path, root: Path) -> bool:
         OSError, RuntimeError: the path leads nowhere.
     """
     target = path.resolve(strict=True)
-    if target.is_relative_to(_resolved(root)):
+    if target.is_relative_to(root.resolve(strict=True)):
         return True
     blobs = _blobs(Path(os.path.abspath(root)))
     return blobs is not None and target.is_relative_to(blobs)
-
-
-@lru_cache(maxsize=4)
-def _resolved(root: Path) -> Path:
-    return root.resolve(strict=True)
 
 
 @lru_cache(maxsize=4)
