@@ -260,9 +260,9 @@ def test_what_the_engine_mounts_is_not_looked_at(tmp_path):
     mounts.write_text("1 2 0:3 / / rw - overlay x y\n3 1 8:1 /h /etc/a\\040b rw - ext4 x y\n")
     assert pristine.mount_points(mounts) == {"/", "/etc/a b"}
     (tmp_path / "hosts").touch()
-    assert list(pristine._changed_paths(str(tmp_path), frozenset({str(tmp_path / "hosts")}), 0)) == [
-        str(mounts)
-    ]
+    assert list(
+        pristine._changed_paths(str(tmp_path), frozenset({str(tmp_path / "hosts")}), 0)
+    ) == [str(mounts)]
 
 
 def test_a_link_in_the_place_of_a_folder_is_not_followed(tmp_path):
