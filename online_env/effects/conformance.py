@@ -42,7 +42,7 @@ class Trial:
         return perform(self.effect, self.desktop, Stream(0, f"{self.live.kind}-v1", "check"))
 
     @property
-    def applied(self) -> Applied:
+    def applied_effect(self) -> Applied:
         """The applied effect; an earlier check must have applied it."""
         if self.applied is None:
             fail("not applied: see above")
@@ -82,7 +82,7 @@ def check_apply_and_probe(trial: Trial) -> None:
 
 def check_record(trial: Trial) -> None:
     """The record is JSON, and is enough for another process to continue."""
-    trial.claim = _as_json(trial.applied.record, "the record")
+    trial.claim = _as_json(trial.applied_effect.record, "the record")
     probe = resume(trial.claim, trial.desktop).probe()
     message = f"the probe is false from the record alone: {probe.problem}"
     expect(probe.ok, f"{message}; put what it needs into the record")
@@ -109,11 +109,11 @@ def check_undo(trial: Trial) -> None:
     It reports so, the probe is then false, and a second undo is harmless.
     """
     for time in ("", " a second time"):
-        undone = trial.applied.undo()
+        undone = trial.applied_effect.undo()
         expect(undone.ok, f"undo{time} fails: {undone.problem or 'no problem is given'}")
         _as_json(dict(undone.facts), "the facts of undo")
     if trial.live.lasting:
-        probe = trial.applied.probe()
+        probe = trial.applied_effect.probe()
         expect(not probe.ok, "the probe is still true after undo: one of the two is wrong")
         expect(probe.problem, "a probe that is false must give its problem")
 
