@@ -59,6 +59,7 @@ def run_identity(run: Run) -> RunIdentity:
     final = run.last_attempts
     desktop = config.get("desktop")
     created = head.get("created")
+    settings = changed_parameters(config)
     return RunIdentity(
         name=run.folder.resolve().name,
         kind=str(config.get("kind", "bench")),
@@ -73,8 +74,8 @@ def run_identity(run: Run) -> RunIdentity:
         seeds=_seeds(final),
         tasks=_count_tasks(final),
         corruptions=names,
-        settings=changed_parameters(config),
-        changed=tuple(_changed_labels(config)),
+        settings=settings,
+        changed=tuple(_changed_labels(config, settings)),
         planned=run.planned,
         missing=run.missing,
         damaged=len(run.damaged),
@@ -169,9 +170,10 @@ def severity_level(name: str, parameters: Mapping[str, Any]) -> int | None:
     return None
 
 
-def _changed_labels(config: Mapping[str, Any]) -> Iterator[str]:
+def _changed_labels(
+    config: Mapping[str, Any], settings: Mapping[str, Mapping[str, Any]]
+) -> Iterator[str]:
     """Yield the labels of the nine whose parameters are not the paper's defaults."""
-    settings = changed_parameters(config)
     for label, name, _ in _entries(config.get("corruptions")):
         if label in NINE and name == label and settings.get(label):
             yield label

@@ -29,7 +29,7 @@ def recovery_note(run: Run) -> Iterator[str]:
     counts_by_agent: dict[str, Counter[str]] = {}
     for record in run.last_attempts:
         counts = record.get("recovery")
-        if isinstance(counts, dict):
+        if isinstance(counts, dict) and counts.get("requests"):
             agent_counts = counts_by_agent.setdefault(record["agent"], Counter())
             agent_counts.update({key: n for key, n in counts.items() if isinstance(n, int)})
     requests = [

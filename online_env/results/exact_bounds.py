@@ -10,6 +10,7 @@ _TINY = 1e-300  # in the place of a zero denominator of the continued fraction
 _PRECISION = 1e-12
 _MAX_TERMS = 1000
 _LEAST_LOG = -600.0  # of a bound that is as good as 0
+_DIGITS = 12  # of a bound: the last ones of a logarithm differ between machines
 _TOLERANCE = 1e-10  # of the logarithm of a bound
 
 
@@ -68,4 +69,4 @@ def exact_lower_end(successes: float, failures: float, level: float, low: float)
         point -= step
         if point < _LEAST_LOG:
             return 0.0
-    return exp(point)
+    return round(exp(point), _DIGITS)

@@ -121,7 +121,9 @@ class _Wilson:
         if TOLERANCE < successes < FEW and low > 0:
             low = exact_lower_end(successes, failures, level, low)
         if TOLERANCE < failures < FEW and high < 1:
-            high = 1 - exact_lower_end(failures, successes, level, 1 - high)
+            exact = exact_lower_end(failures, successes, level, 1 - high)
+            if exact < 1 - high:  # else the last digit would change
+                high = 1 - exact
         return max(0.0, min(low, self.value)), min(1.0, max(high, self.value))
 
 

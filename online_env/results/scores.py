@@ -334,6 +334,7 @@ def task_names(cases: Iterable[PairKey]) -> list[str]:
     return [task_name(task, variant) for task, variant, _ in cases]
 
 
+@lru_cache(maxsize=65_536)
 def task_name(task: str, variant: object) -> str:
     """Return a task without the seed of its variant.
 

@@ -75,7 +75,7 @@ def test_the_exact_bound_is_scipys():
         failures = max(0.0, tasks - successes)
         exact = special.betaincinv(successes, failures + 1, 0.05)
         low = min(0.999, exact * rng.uniform(0.9, 1.5))
-        expected = pytest.approx(min(low, exact), rel=1e-8, abs=1e-30)
+        expected = pytest.approx(min(low, exact), rel=1e-8, abs=1e-12)
         assert exact_lower_end(successes, failures, 0.95, low) == expected
 
 

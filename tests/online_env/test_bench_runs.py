@@ -262,8 +262,8 @@ def test_report_as_json_and_as_a_table(folder):
     assert table.returncode == 0
     assert "Recovery policy none: no agent asked" in table.stdout
     few = table.stdout.split("\n  few")[1].split()
-    assert few[:4] == ["2", "50.0", "[9.5,", "90.5]"]  # Wilson's
-    assert few[4:9] == ["-50.0", "[-90.5,", "+27.3]", "1.000", "50.0"]
+    assert few[:4] == ["2", "50.0", "[2.5,", "97.5]"]  # the exact ends, wider than Wilson's
+    assert few[4:9] == ["-50.0", "[-97.5,", "+41.0]", "1.000", "50.0"]
     assert "oracle: worst under few, loses 50 points" in table.stdout
 
 

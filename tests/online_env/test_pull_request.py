@@ -86,7 +86,7 @@ def test_a_loss_fails_and_is_told_beside_the_base_branch(repository):
     assert comment.startswith("<!-- agenthijack robustness -->\n")
     row = next(line for line in comment.splitlines() if line.startswith("| mine | marks | 12 |"))
     assert (
-        "| 100.0 | 33.3 | -66.7 | \\[-86.2, -29.9\\] | 0.016 |" in row
+        "| 100.0 | 33.3 | -66.7 | \\[-87.7, -29.9\\] | 0.016 |" in row
     )  # Newcombe, McNemar with Holm
     assert "gate failed: retention_low of mine is 0.1" in comment
     assert "gate passed: success.clean of mine is 1.000" in comment

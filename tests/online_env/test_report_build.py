@@ -48,8 +48,8 @@ def test_a_cell_by_hand(tmp_path):
     assert (cell.n, cell.tasks, cell.success, cell.delta) == (4, 4, 0.25, -0.5)
     assert cell.retention == pytest.approx(1 / 3)
     assert (cell.p, cell.ceiling) == (0.5, 0.75)  # two lost, none won: 2 * 0.5 ** 2
-    assert cell.retention_low == pytest.approx(0.0627, abs=1e-3)
-    assert cell.retention_high == pytest.approx(1.2018, abs=1e-3)
+    assert cell.retention_low == pytest.approx(0.0177, abs=1e-3)
+    assert cell.retention_high == pytest.approx(1.4063, abs=1e-3)
     assert (cell.steps, cell.seconds, cell.malformed) == (4, 2, 0.25)
     clean = cell_of(report, "a", "clean")
     assert (clean.delta, clean.retention, clean.detectable, clean.ceiling) == (None,) * 4
