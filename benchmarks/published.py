@@ -121,13 +121,7 @@ def main() -> None:
     chosen = ["--seeds", options.report_only] if options.report_only else []
     with suppress(CalledProcessError):
         hijack("report", runs, *chosen, "--out", written)
-    report = read_report(written)
-    rows = [(agent, report, agent) for agent in report.agents]
-    partner = RESULTS / f"{name}_guarded" / "report.json"
-    if partner.exists():
-        guarded = read_report(partner)
-        rows += [(f"{agent}, guarded", guarded, agent) for agent in guarded.agents]
-    draw(report.labels, rows, result / "success.svg")
+    draw(read_report(written), result / "success.svg")
     page = result / "about.md"
     if name in published_table.TABLES and page.exists():
         run = reading.read(runs)
@@ -167,28 +161,22 @@ def in_windows(folder: Path) -> list[str]:
     return [str(task.path) for task in load(folder) if task.id in solved]
 
 
-def draw(labels: Sequence[str], rows: Sequence[tuple[str, RunReport, str]], path: Path) -> None:
-    """Write a table of success as an SVG.
-
-    Args:
-        labels: the conditions, which are the columns.
-        rows: the title of each row, with the report and the agent whose success it shows.
-        path: the file.
-    """
-    cells = [[report.cell(agent, label) for label in labels] for _, report, agent in rows]
-    shares = [[0.0 if cell is None else cell.success or 0.0 for cell in row] for row in cells]
+def draw(report: RunReport, path: Path) -> None:
+    """Write the success of each agent under each condition as an SVG."""
+    result = [[report.cell(agent, label) for label in report.labels] for agent in report.agents]
+    shares = [[0.0 if cell is None else cell.success or 0.0 for cell in row] for row in result]
     with rc_context({"svg.hashsalt": "agenthijack", "svg.fonttype": "none"}):
-        figure = Figure(figsize=(9, 1.5 + 0.42 * len(rows)), layout="constrained")
+        figure = Figure(figsize=(9, 1.5 + 0.42 * len(report.agents)), layout="constrained")
         axes = figure.subplots()
         axes.imshow(shares, cmap="Blues", vmin=0, vmax=1.15, aspect="auto")
-        axes.set_xticks(range(len(labels)), labels, rotation=30, ha="right")
-        axes.set_yticks(range(len(rows)), [title for title, _, _ in rows])
+        axes.set_xticks(range(len(report.labels)), report.labels, rotation=30, ha="right")
+        axes.set_yticks(range(len(report.agents)), report.agents)
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
         for row, values in enumerate(shares):
             for column, share in enumerate(values):
                 colour = "white" if share >= LEAST_DARK else "black"
-                text = "–" if cells[row][column] is None else f"{100 * share:.0f}"
+                text = "–" if result[row][column] is None else f"{100 * share:.0f}"
                 axes.text(column, row, text, ha="center", va="center", color=colour)
         axes.set_title("Tasks solved, in percent", loc="left", fontsize="medium")
         figure.savefig(path, format="svg", metadata={"Date": None})

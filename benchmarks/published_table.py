@@ -117,6 +117,26 @@ def _hits_and_steps(
     return f"{hit} of {len(pairs)}, {clean:.1f} → {steps:.1f}"
 
 
+def levels(run: Run, agent: str) -> str:
+    """Return how many tasks an agent solved at each severity, of those that were played.
+
+    Args:
+        run: a run with `--severities 1-5`.
+        agent: whose episodes they are.
+    """
+    scores_at: dict[str, dict[str, list[float]]] = {}
+    for record in run.last_attempts:
+        label, _, level = record["corruption"].rpartition("_s")
+        if record["agent"] == agent and record["score"] is not None and label:
+            scores_at.setdefault(label, {}).setdefault(level, []).append(record["score"])
+    columns = sorted({level for by_level in scores_at.values() for level in by_level})
+    table = [
+        [label, *(f"{sum(s == 1.0 for s in by[level])} of {len(by[level])}" for level in columns)]
+        for label, by in scores_at.items()
+    ]
+    return _markdown(["corruption", *(f"severity {level}" for level in columns)], table)
+
+
 def gain(guarded: Run, plain: str) -> str:
     """Return what a guard changes: success without and with it, the difference, and its acts.
 
@@ -165,6 +185,7 @@ TABLES: Mapping[str, Mapping[str, Table]] = {
         "differences": lambda run: differences(run, "oracle", "recovering", "pixel"),
         "faults": lambda run: faults(run, "oracle", "recovering", "pixel"),
     },
+    "everyday_levels": {"levels": lambda run: levels(run, "oracle")},
     "everyday_guarded": {"gain": lambda run: gain(run, "everyday")},
 }
 

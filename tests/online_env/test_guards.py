@@ -31,6 +31,7 @@ from online_env.agents.registry import AGENTS
 from online_env.bench.bench_command import bench
 from online_env.bench.providers import PROVIDERS
 from online_env.environment import Settle
+from online_env.errors import DesktopError
 from online_env.report.build import build_report
 from online_env.results import records
 from online_env.scoring.score_command import score
@@ -305,11 +306,27 @@ def two_voices(body):
 def test_the_words_of_a_guard_are_turns_of_a_models_history(tmp_path):
     with serving(two_voices) as endpoint:
         name = str(file(tmp_path, endpoint.url))
-        _, value = run(tmp_path, "--agent", name, "--guard", "model", code=1)
+        _, value = run(tmp_path, "--agent", name, "--guard", "model")
     (record,) = value.records
     assert (record["last_action"], record["steps"]) == ("DONE", 2)
     summary = next(body for body in endpoint.asked if "A GUI agent works" in json.dumps(body))
     assert json.dumps(summary).count(CLICK) == 1, "a model's words hold its action already"
+
+
+@pytest.mark.usefixtures("paper")
+def test_a_guarded_run_whose_desktop_once_failed_at_the_start_verifies(tmp_path, monkeypatch):
+    resets = iter((DesktopError("the network is gone"),))
+
+    def reset(self, task=None):
+        for error in resets:
+            raise error
+
+    monkeypatch.setattr(PaperDesktop, "reset", reset)
+    _, value = run(tmp_path, "--guard", "rules")
+    assert [record["status"] for record in value.records] == ["invalid", "ok"]
+    with pytest.raises(SystemExit) as verified:
+        main(["verify", str(tmp_path / "run")])
+    assert verified.value.code == 0
 
 
 @pytest.mark.usefixtures("paper")

@@ -387,7 +387,8 @@ def _expected(
             [*(kind for kind in LIBRARY_INPUTS if kind in inputs), *other_inputs],
             "the agent",
         )
-    yield "allow_code", False, "hijack bench"
+    if is_played or record.get("allow_code") is not None:  # an episode may never have begun
+        yield "allow_code", False, "hijack bench"
     if record.get("max_steps") is not None and "max_steps" in config:
         yield "max_steps", config["max_steps"], RUN
     if _mapping(record.get(RECOVERY)) and "recovery" in config:
