@@ -158,6 +158,7 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
             base._activate_page_from_js,
         )
         self._guard_validator()
+        self._browser.task_is_over = lambda: bool(base._task_validate()[1])
         sample = f"{_task_name(base.task)}-{seed}"
         script = Script(self._planner, self._seed, sample, APPS, size)
         script.check(MAX_STEPS, self._browser)
