@@ -109,7 +109,7 @@ class RowPlayer:
         run = self._run({**clean, **planners}, held_out)
         out = self._out / ROUNDS / name
         with run.begin(out, resume=True):
-            run.play(out, run.left(out), lambda *_: None, lambda *_: None)
+            run.play(out, run.remaining_cases(out), lambda *_: None, lambda *_: None)
         asked = [record for record in records.read(out).records if _is_visible(record)]
         scored = group_records(asked).scored
         (agent,) = self._settings.agents
