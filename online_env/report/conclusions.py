@@ -81,7 +81,8 @@ def _worst_loss(cells: Sequence[Cell], worst: Sequence[str]) -> str:
     if (cell.delta or 0.0) > -TOLERANCE:
         return f"loses nothing under its {quantity(len(cells), 'corruption')}"
     if not worst:
-        return f"no corruption is worse than another, loses {_loss(cell)}"
+        scope = f"each of its {_number(len(cells))} corruptions"
+        return f"loses {_loss(cell)} under {cell.corruption if len(cells) == 1 else scope}"
     tied = [item for item in compared if item.delta == cell.delta]
     names = [item.corruption for item in tied]
     suffix = " each" if len(tied) > 1 else ""
@@ -123,7 +124,7 @@ def _count_losses(losses: int, shown_count: int) -> str:
     if losses == 1:
         return "this only loss is shown" if shown_count else "this only loss may be chance"
     if shown_count == losses:
-        return f"all {_number(losses)} losses are shown"
+        return "both losses are shown" if losses == 2 else f"all {_number(losses)} losses are shown"
     if not shown_count and losses == 2:
         return "neither of its two losses is shown, they may be chance"
     if not shown_count:

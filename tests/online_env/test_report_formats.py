@@ -460,7 +460,7 @@ def test_the_terminal_is_a_screen_that_begins_with_the_conclusion(
     assert sum(max(1, math.ceil(len(line) / columns)) for line in lines) < 60
     who = "agent_0" if agents == 1 else f"{agents} agents"
     assert lines[0] == f"{who} on small"
-    assert lines[3].startswith("agent_0: no corruption is worse than another, loses 100 points [")
+    assert lines[3].startswith("agent_0: loses 100 points [")
     if conditions == 10:
         assert lines[3].endswith("; all nine losses are shown.")
         assert "0.004" in out.getvalue(), "p of the sign-flip test, by Holm: 9 * 2 / 2**12"
