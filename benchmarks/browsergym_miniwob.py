@@ -17,7 +17,11 @@ import sys
 import time
 from pathlib import Path
 
-import browsergym.miniwob  # noqa: F401  (registers the environments)
+try:
+    import browsergym.miniwob  # noqa: F401  (registers the environments)
+except ImportError:
+    print("Not measured: needs browsergym-miniwob, in an environment of its own, and OUT.csv.")
+    sys.exit()
 import gymnasium
 import miniwob
 from browsergym.core.action.highlevel import HighLevelActionSet

@@ -32,6 +32,7 @@ SCRIPTS = {
     "gnome": "Effects on GNOME",
     "browser": "A browser as the desktop",
     "browser_layer": "Nodes of a page against the drawn picture",
+    "browsergym_miniwob": "MiniWoB++ in BrowserGym under corruptions",
     "suite": "The suite of tasks",
     "live_steps": "Corruptions on a live desktop, step by step",
     "everyday_faults": "Everyday faults",

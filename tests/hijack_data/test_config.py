@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 
 import hijack_data as hj
-from hijack_data.config import OPTIONS, available, files, load_config, specs_from
+from hijack_data import config_files
+from hijack_data.config import OPTIONS, available, load_config, specs_from
 from hijack_data.errors import ConfigError, ParameterError, ParameterTypeError, UnknownNameError
 
 from support.config import load, structure
@@ -206,7 +207,7 @@ def test_installed_package_of_configurations_is_used(tmp_path, monkeypatch):
         path.parent.mkdir(parents=True)
         path.write_text("corruptions: [subtitle]")
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setattr(files, "PACKAGE", "packaged_for_test")
+    monkeypatch.setattr(config_files, "PACKAGE", "packaged_for_test")
     assert available() == ["one/paper", "three/same", "two/same"]
     config = load_config("paper")
     assert (config.corruptions, config.source) == ({"subtitle": hj.Subtitle()}, "one/paper")

@@ -172,7 +172,7 @@ def test_clicks_land_where_the_model_aims_in_its_own_picture(tmp_path, size):
     with serving(tiny) as endpoint:
         result = agent(tmp_path, endpoint.url)
         _, [action] = result.predict("do it", {"screenshot": noise})
-    assert tiny.seen == [result._parser.seen(size)], "our smart_resize is the processor's"
+    assert tiny.seen == [result._parser.model_size(size)], "our smart_resize is the processor's"
     assert tiny.seen != [size]
     x, y = map(int, action.removeprefix("pyautogui.click(").removesuffix(")").split(", "))
     assert abs(x - size[1] / 2) <= 1 + size[1] / tiny.seen[0][1]
