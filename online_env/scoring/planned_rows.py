@@ -71,7 +71,9 @@ class PlannedRows:
         """Yield the split and the light columns of each row; see `RowFeed.heads`."""
         for _, split, row in self._clean:
             for label in self._labels:
-                yield split, {**row, **self._names(row, label), "seed": self._seed}
+                # How many pixels change is not known before the row is read.
+                changed = {} if label == CLEAN else {"changed_pixels": None}
+                yield split, {**row, **changed, **self._names(row, label), "seed": self._seed}
 
     def row(self, number: int) -> RowData:
         """Return one row, corrupted; see `RowFeed.row`.
