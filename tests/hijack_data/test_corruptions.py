@@ -186,9 +186,8 @@ def test_subtitle_stands_where_it_is_told(position):
 def test_subtitle_colours_and_outline():
     before = np.full((1080, 1920, 3), 90, np.uint8)
     after = hj.apply(plan(hj.Subtitle(color="#ff00ff", edge_color="#00ff00", edge_width=4)), before)
-    colors = set(map(tuple, np.unique(after.reshape(-1, 3), axis=0).tolist()))
-    assert (255, 0, 255) in colors
-    assert (0, 255, 0) in colors
+    for color in ((255, 0, 255), (0, 255, 0)):
+        assert (after == color).all(axis=-1).any()
 
 
 def test_subtitle_that_cannot_fit_says_what_would():
