@@ -172,7 +172,8 @@ def draw(report: RunReport, path: Path) -> None:
         axes = figure.subplots()
         axes.imshow(shares, cmap="Blues", vmin=0, vmax=1.15, aspect="auto")
         axes.set_xticks(range(len(report.labels)), report.labels, rotation=30, ha="right")
-        axes.set_yticks(range(len(report.agents)), report.agents)
+        names = [agent.rpartition(":")[2] for agent in report.agents]
+        axes.set_yticks(range(len(names)), names)
         axes.tick_params(length=0)
         axes.spines[:].set_visible(False)
         for row, values in enumerate(shares):

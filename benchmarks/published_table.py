@@ -35,7 +35,7 @@ def differences(run: Run, *agents: str) -> str:
     by_key = {(cell.agent, cell.corruption): cell for cell in cells}
     titles = ["corruption"]
     for agent in agents:
-        titles += [f"`{agent}`", "to clean, 95 %", "p"]
+        titles += [f"`{agent.rpartition(':')[2]}`", "to clean, 95 %", "p"]
     table: list[list[str]] = []
     for label in dict.fromkeys(cell.corruption for cell in cells):
         row = [label]
