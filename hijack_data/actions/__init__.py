@@ -35,9 +35,9 @@ Inside, `dialects/` has one table of all dialects; most are a table of actions a
 arguments, and nothing else.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from ..lazy_names import lazy_names
 from .agent_actions import fenced_blocks, read_action, unreadable_action
 from .scaling import Scaling
 
@@ -103,13 +103,4 @@ __all__ = [
     "write_pyautogui",
 ]
 
-
-def __getattr__(name: str) -> object:
-    """Import a name from the module that defines it.
-
-    Raises:
-        AttributeError: there is no such name.
-    """
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name], __name__), name)
+__getattr__ = lazy_names(__name__, _HOMES)

@@ -16,7 +16,7 @@ import yaml
 from hijack_data.config import dump, load_config
 from hijack_data.errors import HijackError, shorten_list
 from hijack_data.file_io import read_versioned_json, write_atomic
-from hijack_data.plan import CLEAN
+from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
 from hijack_data.types import Size
 
@@ -24,7 +24,7 @@ from ..environment.script import Script
 
 FORMAT = "agenthijack-plan-set"
 VERSION = 1
-PLANNED_STEPS = 15  # of which the plans are compared when the file is read
+PLANNED_STEPS = 15  # steps of an episode whose plans are compared when the file is read
 _FIELDS = {"agent", "search", "bench", "size", "plans"}
 _ENTRY_FIELDS = {"label", "corruption", "plans_sha256", "found", "confirmed"}
 _LOSS_FIELDS = {"loss", "n"}
@@ -132,6 +132,19 @@ def read_plan_set(path: Path) -> PlanSet:
     )
 
 
+def plan_episode(planner: Planner, size: Size) -> Sequence[Plan]:
+    """Return the plans of an episode of seed 0 on a screen whose elements are not known.
+
+    Args:
+        planner: what plans.
+        size: `(height, width)` of the screen.
+
+    Raises:
+        HijackError: it cannot be planned there.
+    """
+    return Script(planner, 0, "", (), size).plan_ahead(PLANNED_STEPS)
+
+
 def _to_data(plan: WorstPlan, size: Size) -> dict[str, Any]:
     (entry,) = yaml.safe_load(dump({plan.label: plan.planner}))["corruptions"]
     return {
@@ -183,8 +196,8 @@ def _check_fields(data: Mapping[str, Any], fields: set[str], where: str) -> None
 
 def _plans_digest(planner: Planner, size: Size) -> str:
     """Return the SHA-256 over the plans of seed 0 on a screen whose elements are not known."""
-    plans = Script(planner, 0, "", (), size).plan_ahead(PLANNED_STEPS)
-    return hashlib.sha256("".join(plan.digest() for plan in plans).encode()).hexdigest()
+    digests = (plan.digest() for plan in plan_episode(planner, size))
+    return hashlib.sha256("".join(digests).encode()).hexdigest()
 
 
 def _digest(body: Mapping[str, Any]) -> str:

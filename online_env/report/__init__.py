@@ -4,8 +4,9 @@
 `scores_by_name` returns its values by name, for release gates. `compare` reports on a data frame.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from hijack_data.lazy_names import lazy_names
 
 if TYPE_CHECKING:  # the same names, for type checkers
     from .build import build_report as build_report
@@ -35,13 +36,4 @@ _HOMES = {
 
 __all__ = sorted(_HOMES)  # pyright: ignore[reportUnsupportedDunderAll]
 
-
-def __getattr__(name: str) -> object:
-    """Import a name from the module that defines it.
-
-    Raises:
-        AttributeError: there is no such name.
-    """
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name], __name__), name)
+__getattr__ = lazy_names(__name__, _HOMES)

@@ -1,12 +1,11 @@
 """The options `--fail-under` and `--junit` of a command, and the scores that they know."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 
-Command = TypeVar("Command", bound=Callable[..., Any])
+from hijack_data.cli.options import Command
+
 OPTION = "--fail-under"
 EXAMPLE = f"such as {OPTION} retention=0.8 or {OPTION} success.network_error=0.5"
 RETENTION_LOW = "retention_low"  # the lower end of the interval of the retention

@@ -8,16 +8,16 @@ low, 2 bad usage or a run that cannot be reported, 3 the disk is full or fails.
 
 import gc
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from hijack_data.cli.completion import complete
-from hijack_data.cli.options import BriefCommand, FiniteRange
+from hijack_data.cli.options import BriefCommand, Command, FiniteRange
 from hijack_data.cli.terminal import console, echo
 from hijack_data.file_io import make_folder, write_atomic
 from hijack_data.runs.own_files import refuse_own_file
@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     from ..results.reading import Run
     from .document import ReportDocument
     from .model import RunReport
-
-Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def _output_options(command: Command) -> Command:
@@ -128,8 +126,8 @@ def report(
     if seeds and runs.is_file():
         raise ReportError("--seeds chooses episodes of a run; give the folder of one")
     share = None if margin is None else margin / 100
-    asked = {"--margin": margin, "--paper": paper, "--reference": reference, "--full": full}
-    beside = [name for name, value in asked.items() if value]
+    requested = {"--margin": margin, "--paper": paper, "--reference": reference, "--full": full}
+    beside = [name for name, value in requested.items() if value]
     for option in [*beside, *([f"--format {format_name}"] if format_name else [])]:
         if as_json:
             raise ReportError(

@@ -91,10 +91,10 @@ def is_own_run(sources: Sequence[Path]) -> bool:
     Raises:
         ReportError: there is such a one beside other sources.
     """
-    own = next((source for source in sources if _is_own(source)), None)
-    if own is not None and len(sources) > 1:
-        raise ReportError(f"{own}: is a run of this library, and is reported alone")
-    return own is not None
+    own_source = next((source for source in sources if _is_own(source)), None)
+    if own_source is not None and len(sources) > 1:
+        raise ReportError(f"{own_source}: is a run of this library, and is reported alone")
+    return own_source is not None
 
 
 def _is_own(source: Path) -> bool:

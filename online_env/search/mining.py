@@ -90,15 +90,15 @@ def group_lost(
         lambda e: (e.record["agent"], corruption(e)),
     )
     groups: list[LostGroup] = []
-    left = list(episodes)
-    for place, key in enumerate(keys):
-        least = MIN_EPISODES if place < len(keys) - 1 else 1
-        counts = Counter(map(key, left))
+    ungrouped = list(episodes)
+    for number, key in enumerate(keys):
+        least = MIN_EPISODES if number < len(keys) - 1 else 1
+        counts = Counter(map(key, ungrouped))
         for shared in [shared for shared, count in counts.items() if count >= least]:
-            members = [lost for lost in left if key(lost) == shared]
+            members = [lost for lost in ungrouped if key(lost) == shared]
             share = len(members) / len(episodes)
             groups.append(LostGroup(key=shared, episodes=members, share=share))
-        left = [lost for lost in left if counts[key(lost)] < least]
+        ungrouped = [lost for lost in ungrouped if counts[key(lost)] < least]
     return sorted(groups, key=lambda group: (-len(group.episodes), group.key))
 
 
@@ -133,7 +133,7 @@ def _to_yaml(
 ) -> str:
     """Return the configuration of a benchmark that plays the episodes of a group again."""
     corrupting = {label: planners[label] for label in group.labels}
-    listed = dump({label: one for label, one in corrupting.items() if one is not None})
+    listed = dump({label: planner for label, planner in corrupting.items() if planner is not None})
     settings = {key: config[key] for key in KEYS if key in config}
     settings |= {
         "agents": [group.key[0]],

@@ -1,5 +1,6 @@
 """Who plays the corruptions that a search proposes: an agent live, or an agent over rows."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,9 +20,33 @@ from ..scoring.run import ScoreRun, ScoreSettings
 ROUNDS = "rounds"
 MIN_VISIBLE = 0.5  # share of a row's target that must show, as in a build
 Losses = dict[str, list[float]]
+Conditions = dict[str, Planner | None]
 
 
-class LivePlayer:
+class _Player(ABC):
+    """What both players do: the clean cases are played once, with the first corruptions."""
+
+    def __init__(self, agent: str) -> None:
+        self._agent = agent
+        self._clean: dict[bool, ScoreByCase] = {}
+
+    @abstractmethod
+    def _play(self, name: str, planners: Conditions, held_out: bool) -> list[records.ResultRecord]:
+        """Return the records of a round, which is played as far as it was not before."""
+
+    def losses(self, name: str, planners: Mapping[str, Planner], *, held_out: bool) -> Losses:
+        """Play corruptions, as the protocol says; the first of either kind plays clean, too."""
+        clean: dict[str, Planner | None] = {} if held_out in self._clean else {CLEAN: None}
+        scored = group_records(self._play(name, {**clean, **planners}, held_out)).scored
+        if clean:
+            self._clean[held_out] = scored.get((self._agent, CLEAN), {})
+        before = self._clean[held_out]
+        return {
+            label: _differences(before, scored.get((self._agent, label), {})) for label in planners
+        }
+
+
+class LivePlayer(_Player):
     """Plays on live desktops: each round is a run of `hijack bench` in a folder of its own.
 
     Args:
@@ -31,10 +56,11 @@ class LivePlayer:
     """
 
     def __init__(self, bench: Bench, out: Path, desktops: int | None = None) -> None:
+        (agent,) = bench.agents
+        super().__init__(agent)
         self._bench = bench
         self._out = out
         self._desktops = desktops
-        self._clean: dict[bool, ScoreByCase] = {}
 
     @property
     def cases(self) -> int:
@@ -57,23 +83,15 @@ class LivePlayer:
         after = max(self._bench.seeds) + 1
         return tuple(range(after, after + len(self._bench.seeds)))
 
-    def losses(self, name: str, planners: Mapping[str, Planner], *, held_out: bool) -> Losses:
-        """Play corruptions, as the protocol says; the first of either kind plays clean, too."""
-        clean: dict[str, Planner | None] = {} if held_out in self._clean else {CLEAN: None}
-        bench = replace(self._bench, corruptions={**clean, **planners})
+    def _play(self, name: str, planners: Conditions, held_out: bool) -> list[records.ResultRecord]:
+        bench = replace(self._bench, corruptions=planners)
         if held_out:
             bench = replace(bench, seeds=self.held_out_seeds)
         out = self._out / ROUNDS / name
-        run = play_run(bench, out, ModelOptions(), resume=True, desktops=self._desktops)
-        scored = group_records(run.records).scored
-        (agent,) = bench.agents
-        if clean:
-            self._clean[held_out] = scored.get((agent, CLEAN), {})
-        before = self._clean[held_out]
-        return {label: _differences(before, scored.get((agent, label), {})) for label in planners}
+        return play_run(bench, out, ModelOptions(), resume=True, desktops=self._desktops).records
 
 
-class RowPlayer:
+class RowPlayer(_Player):
     """Asks an agent about the clean rows of a dataset, corrupted while they are read.
 
     Every other trajectory is held out. Rows whose target is hidden count for nothing: no agent
@@ -87,15 +105,16 @@ class RowPlayer:
     """
 
     def __init__(self, settings: ScoreSettings, seed: int, size: Size, out: Path) -> None:
+        (agent,) = settings.agents
+        super().__init__(agent)
         self._settings = settings
         self._seed = seed
         self._out = out
         self.size = size
-        self._clean: dict[bool, ScoreByCase] = {}
         self.cases = self._count(held_out=False)
         self.held_out = self._count(held_out=True)
 
-    def _run(self, planners: Mapping[str, Planner | None], held_out: bool) -> ScoreRun:
+    def _run(self, planners: Conditions, held_out: bool) -> ScoreRun:
         part = "held_out" if held_out else "search"
         plans = RowPlans(planners=planners, seed=self._seed, part=part)
         return ScoreRun(replace(self._settings, plans=plans))
@@ -103,20 +122,12 @@ class RowPlayer:
     def _count(self, held_out: bool) -> int:
         return len(self._run({CLEAN: None}, held_out).cases.cases)
 
-    def losses(self, name: str, planners: Mapping[str, Planner], *, held_out: bool) -> Losses:
-        """Ask about rows, as the protocol says; the first of either kind asks clean, too."""
-        clean: dict[str, Planner | None] = {} if held_out in self._clean else {CLEAN: None}
-        run = self._run({**clean, **planners}, held_out)
+    def _play(self, name: str, planners: Conditions, held_out: bool) -> list[records.ResultRecord]:
+        run = self._run(planners, held_out)
         out = self._out / ROUNDS / name
         with run.begin(out, resume=True):
             run.play(out, run.remaining_cases(out), lambda *_: None, lambda *_: None)
-        asked = [record for record in records.read(out).records if _is_visible(record)]
-        scored = group_records(asked).scored
-        (agent,) = self._settings.agents
-        if clean:
-            self._clean[held_out] = scored.get((agent, CLEAN), {})
-        before = self._clean[held_out]
-        return {label: _differences(before, scored.get((agent, label), {})) for label in planners}
+        return [record for record in records.read(out).records if _is_visible(record)]
 
 
 def _is_visible(record: records.ResultRecord) -> bool:

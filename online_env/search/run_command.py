@@ -109,9 +109,9 @@ def _check_options(is_dataset: bool, *, limit: int | None, **live: object) -> No
     Raises:
         UsageError: One is.
     """
-    given = [name for name, value in live.items() if value is not None]
-    if is_dataset and given:
-        raise click.UsageError(f"--{given[0]} is for live searches; a dataset has its rows")
+    live_options = [name for name, value in live.items() if value is not None]
+    if is_dataset and live_options:
+        raise click.UsageError(f"--{live_options[0]} is for live searches; a dataset has its rows")
     if limit is not None and not is_dataset:
         raise click.UsageError("--limit is for the rows of a dataset")
 

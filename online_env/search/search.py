@@ -19,13 +19,11 @@ from hijack_data.file_io import write_atomic
 from hijack_data.planner import Planner
 from hijack_data.types import Size
 
-from ..bench.plan_set import Loss, PlanSetError, WorstPlan
-from ..environment.script import Script
+from ..bench.plan_set import Loss, PlanSetError, WorstPlan, plan_episode
 from .space import SearchSpace
 
 TRIALS = "trials.json"
 SETTINGS = "search.json"
-PLANNED_STEPS = 15  # steps of an episode that are planned to see whether a proposal can be played
 MAX_UNFIT = 200  # proposals in a row that are known, or cannot be played
 # The loss of what cannot be played. The sampler would propose it again if it were not told a value.
 UNPLAYABLE = -1.0
@@ -110,7 +108,9 @@ class _Trials:
     def label(self, planner: Planner) -> str | None:
         """Return the label under which the same corruption was tried."""
         config = planner.to_config()
-        return next((k for k, one in self.planners.items() if one.to_config() == config), None)
+        return next(
+            (key for key, tried in self.planners.items() if tried.to_config() == config), None
+        )
 
     def loss(self, label: str) -> Loss:
         return _mean(self.losses[label])
@@ -194,7 +194,7 @@ def _propose(
                 study.tell(trial, state=trials.fail)  # it is played in this round
             continue
         try:
-            Script(planner, 0, "", (), size).plan_ahead(PLANNED_STEPS)
+            plan_episode(planner, size)
         except HijackError as error:
             study.tell(trial, UNPLAYABLE)
             problem = error

@@ -2,13 +2,10 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 
-from hijack_data.cli.options import FiniteRange
-
-Command = TypeVar("Command", bound=Callable[..., Any])
+from hijack_data.cli.options import Command, FiniteRange
 
 
 def client_options(

@@ -182,8 +182,8 @@ class _RecordingFaults:
         codes = [other.action_code for other in later]
         start = 0  # the action that puts right what the fault did
         if fault.fault == "offset":
-            again = [place for place, code in enumerate(codes) if code == step.action_code]
-            arrived = [place for place in again if not isinstance(later[place], AlteredStep)]
+            repeats = [index for index, code in enumerate(codes) if code == step.action_code]
+            arrived = [index for index in repeats if not isinstance(later[index], AlteredStep)]
             if not arrived:
                 return NOT_REPAIRED
             start = arrived[0]
@@ -214,8 +214,9 @@ class _RecordingFaults:
 
     def _is_hit(self, fault: InputFault, number: int, position: int) -> bool:
         """Return whether a fault that waits from a step on hits the action at a position."""
-        places = (position, *range(max(0, number), position))  # most actions settle it alone
-        hits = (can_hit(fault, _calls(self._steps[place])) for place in places)
+        # The action itself comes first: most settle it alone.
+        positions = (position, *range(max(0, number), position))
+        hits = (can_hit(fault, _calls(self._steps[index])) for index in positions)
         return next(hits) and not any(hits)
 
 
