@@ -1,7 +1,7 @@
 """Who plays the corruptions that a search proposes: an agent live, or an agent over rows."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,7 +31,9 @@ class _Player(ABC):
         self._clean: dict[bool, ScoreByCase] = {}
 
     @abstractmethod
-    def _play(self, name: str, planners: Conditions, held_out: bool) -> list[records.ResultRecord]:
+    def _play(
+        self, name: str, planners: Conditions, held_out: bool
+    ) -> Sequence[records.ResultRecord]:
         """Return the records of a round, which is played as far as it was not before."""
 
     def losses(self, name: str, planners: Mapping[str, Planner], *, held_out: bool) -> Losses:
@@ -83,7 +85,9 @@ class LivePlayer(_Player):
         after = max(self._bench.seeds) + 1
         return tuple(range(after, after + len(self._bench.seeds)))
 
-    def _play(self, name: str, planners: Conditions, held_out: bool) -> list[records.ResultRecord]:
+    def _play(
+        self, name: str, planners: Conditions, held_out: bool
+    ) -> Sequence[records.ResultRecord]:
         bench = replace(self._bench, corruptions=planners)
         if held_out:
             bench = replace(bench, seeds=self.held_out_seeds)
@@ -122,7 +126,9 @@ class RowPlayer(_Player):
     def _count(self, held_out: bool) -> int:
         return len(self._run({CLEAN: None}, held_out).cases.cases)
 
-    def _play(self, name: str, planners: Conditions, held_out: bool) -> list[records.ResultRecord]:
+    def _play(
+        self, name: str, planners: Conditions, held_out: bool
+    ) -> Sequence[records.ResultRecord]:
         run = self._run(planners, held_out)
         out = self._out / ROUNDS / name
         with run.begin(out, resume=True):
