@@ -6,10 +6,12 @@ folders; otherwise as much as the oracle needed for the task
 """
 
 import heapq
-import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from glob import glob
 from pathlib import Path
+from stat import S_ISREG
 from statistics import fmean
 from typing import Any, Literal, TypeAlias, cast
 
@@ -214,15 +216,19 @@ def history_near(out: Path | None) -> History:
         out: The folder of a run, which need not exist; `None` stands for a run in `runs`.
     """
     run_folder = out if out is not None else Path("runs/new")
-    heads = [run_folder / RUN, *_glob(run_folder.absolute().parent)]
-    heads_found = {path.resolve() for path in heads if path.is_file()}
-    newest = sorted(heads_found, key=lambda path: path.stat().st_mtime, reverse=True)
-    return read_history([path.parent for path in newest[:MAX_RUNS]])
-
-
-def _glob(folder: Path) -> Iterator[Path]:
-    with_folders = (f"*/{RUN}", f"*/*/{RUN}")
-    return itertools.chain.from_iterable(folder.glob(pattern) for pattern in with_folders)
+    parent = run_folder.absolute().parent
+    # Unlike `Path.glob`, it passes over folders that end meanwhile: the parent may be /tmp.
+    neighbours = [
+        name for depth in ("*", "*/*") for name in glob(f"{depth}/{RUN}", root_dir=parent)
+    ]
+    by_age: dict[Path, float] = {}
+    for head in (run_folder / RUN, *(parent / name for name in neighbours)):
+        with suppress(OSError):
+            status = head.stat()
+            if S_ISREG(status.st_mode):
+                by_age[head.resolve().parent] = status.st_mtime
+    newest = sorted(by_age, key=by_age.__getitem__, reverse=True)
+    return read_history(newest[:MAX_RUNS])
 
 
 def read_history(folders: Sequence[Path]) -> History:
@@ -289,9 +295,14 @@ def _sizes(folder: Path, records: Sequence[ResultRecord]) -> Iterator[float]:
     records_by_id = {
         str(record.get("id")): record for record in records
     }  # a foreign id may be any path
-    for episode_folder in (folder / EPISODES).glob("*/"):
-        record = records_by_id.get(episode_folder.name)
+    for name in glob("*/", root_dir=folder / EPISODES):
+        record = records_by_id.get(name.rstrip("/"))
         if record is None or not isinstance(record.get("steps"), int):
             continue
-        size = sum(path.stat().st_size for path in episode_folder.rglob("*") if path.is_file())
+        files = glob("**", root_dir=folder / EPISODES / name, recursive=True, include_hidden=True)
+        size = 0
+        for file in files:
+            with suppress(OSError):
+                status = (folder / EPISODES / name / file).stat()
+                size += status.st_size if S_ISREG(status.st_mode) else 0
         yield size / (record["steps"] + 1)

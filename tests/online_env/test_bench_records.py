@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+from pathlib import Path
 
 import pytest
 from lxml import etree
@@ -287,6 +288,21 @@ def test_of_many_runs_the_newest_are_read(tmp_path):
     result = history_near(tmp_path / "new")
     assert result.runs == MAX_RUNS
     assert max(result.seconds["a",]) == MAX_RUNS - 1
+
+
+def test_folders_beside_a_run_may_end_meanwhile(tmp_path, monkeypatch):
+    run_of(tmp_path / "run", [made("a", TASK)])
+    other = tmp_path / "others"
+    other.mkdir()
+    list_folder = os.scandir
+
+    def list_and_remove(path="."):
+        if Path(path) == other and other.exists():
+            other.rmdir()
+        return list_folder(path)
+
+    monkeypatch.setattr(os, "scandir", list_and_remove)
+    assert history_near(tmp_path / "new").runs == 1
 
 
 def test_a_run_that_goes_on_counts_itself_once(tmp_path):
