@@ -304,7 +304,7 @@ def _plan(
     assets: PathLike | None,
     allow_platform_mismatch: bool,
 ) -> None:
-    """Plan the corruptions of the sampled trajectories, and add the report to `found`."""
+    """Plan the corruptions of the sampled trajectories, and add the report to `inspection`."""
     options = BuildOptions(
         corruptions=corruptions,
         seed=seed,

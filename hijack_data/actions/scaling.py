@@ -67,7 +67,7 @@ class Scaling:
 
     @classmethod
     def fractions(cls, size: Size, unit: int = 1) -> "Scaling":
-        """Return the scaling from fractions of the picture: 0..1, or 0..`whole`."""
+        """Return the scaling from fractions of the picture: 0..1, or 0..`unit`."""
         return cls((unit, unit), size, bounded=True, grid=False)
 
     def points(self, values: npt.ArrayLike) -> IntArray:

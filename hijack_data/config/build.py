@@ -96,10 +96,10 @@ class Builder:
             advice = (
                 "write its parameters as name: {key: value}, or indent them deeper than the name"
             )
-            planner = f"got the keys {', '.join(item.items)}; {advice}"
+            problem = f"got the keys {', '.join(item.items)}; {advice}"
         else:
-            planner = f"got {describe_node(item)}; write marks, or marks: {{number: 10}}"
-        self.problems.add(item.position, f"an entry of {path} names one corruption, {planner}")
+            problem = f"got {describe_node(item)}; write marks, or marks: {{number: 10}}"
+        self.problems.add(item.position, f"an entry of {path} names one corruption, {problem}")
         return None
 
     def _name(self, entry: ConfigEntry) -> str:

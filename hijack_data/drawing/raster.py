@@ -259,7 +259,7 @@ def _has_pixels(box: Box) -> bool:
 
 
 def _subtract_boxes(area: Box, holes: list[Box]) -> list[Box]:
-    """Return boxes that cover `whole` except for the holes, which are painted over anyway."""
+    """Return boxes that cover `area` except for the holes, which are painted over anyway."""
     remaining = [area]
     for hole in holes:
         parts = [part for box in remaining for part in _subtract_box(box, hole)]

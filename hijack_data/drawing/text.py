@@ -181,7 +181,7 @@ def _glyph_pixels(font: ImageFont.FreeTypeFont, char: str) -> bytes:
 
 
 def check_glyphs(text: str, font: str, parameter: str) -> None:
-    """Check that a font has all letters of `text`, the value of the parameter `where`.
+    """Check that a font has all letters of `text`, the value of a parameter.
 
     Raises:
         FontError: the font lacks letters; the message names the parameter and the letters.

@@ -59,7 +59,7 @@ class RecordingStage:
 
     Args:
         desktop: The machine.
-        style: The name of its look, see `looks`; empty or `"golden"` for the golden home's.
+        style: The name of its look, one of `desktop_looks.LOOKS`; empty or `"golden"` for the golden home's.
     """
 
     def __init__(self, desktop: Desktop, style: str = "") -> None:

@@ -183,7 +183,7 @@ def _link_problem(start: Path, root: str) -> str:
 
 
 def _find_entries(start: Path, real_paths: set[str]) -> Iterator[Path]:
-    """Yield runs, reports and links below a folder; `seen` are the real paths that are done."""
+    """Yield runs, reports and links below a folder; `real_paths` are those that are done."""
     for base, folders, files in os.walk(start):
         real = os.path.realpath(base)
         folders[:] = sorted(name for name in folders if name not in _SKIPPED)

@@ -444,7 +444,7 @@ class RunReport:
 
 
 def from_data(data: object, source: str) -> RunReport:
-    """Return the report that `RunReport.to_data` gave; `where` begins the messages.
+    """Return the report that `RunReport.to_data` gave; `source` begins the messages.
 
     Raises:
         ReportError: the data are not a report, are of a newer version, or lack a field.

@@ -92,7 +92,7 @@ class _Batch:
         return task
 
     def is_full(self, root: Path, added_rows: int, max_rows: int) -> bool:
-        """Return whether a trajectory of `more` rows from the source `root` needs a new file."""
+        """Return whether `added_rows` rows of a trajectory from `root` need a new file."""
         if not self.trajectories:
             return False
         return self.rows + added_rows > max_rows or self.root != root

@@ -255,7 +255,7 @@ def _needs_scene(trajectory: Trajectory, step: Step, settings: RowSettings) -> b
 
 
 def keeps(label_policy: str, plan: Plan, visible: float | None) -> bool:
-    """Return whether a label policy keeps a row whose target is visible to the share `seen`."""
+    """Return whether a label policy keeps a row of whose target the share `visible` can be seen."""
     if label_policy != "drop" or not plan.ops:
         return True
     return visible is None or visible >= VISIBLE

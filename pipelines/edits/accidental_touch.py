@@ -271,7 +271,7 @@ def _opens(element: Box, asset: Asset, frame: Frame) -> bool:
 
 
 def _is_alike(element: Box, opener: Box, tolerance: int) -> bool:
-    """Return whether the sides of two boxes differ by at most `most` pixels."""
+    """Return whether the sides of two boxes differ by at most `tolerance` pixels."""
     pairs = zip(_sides(element), _sides(opener), strict=True)
     return all(abs(side - opener_side) <= tolerance for side, opener_side in pairs)
 

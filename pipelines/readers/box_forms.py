@@ -115,7 +115,7 @@ def _unseen(boxes: Sequence[object], among: Forms) -> Iterator[tuple[int, Forms]
 def _forms_on_pictures(
     boxes: Sequence[object], size: Callable[[int], Size | None], among: Forms, remaining: Forms
 ) -> Iterator[tuple[int, Forms]]:
-    """Yield the forms that each row may have on its picture, until only two corners are `left`."""
+    """Yield the forms that each row may have on its picture, until only two corners remain."""
     for index, box in enumerate(boxes):
         shape = size(index)
         if shape is None:

@@ -72,7 +72,7 @@ class StepRows(ABC):
             yield Trajectory(*about, platform=self.platform)
 
     def _append(self, index: int, image: str, size: Size, action: Action, code_text: str) -> None:
-        """Add a step whose code is made of its action, or else is `kept`."""
+        """Add a step whose code is made of its action, or else is `code_text`."""
         fields.check_on_screen(action, size, "action")
         dialect = PYAUTOGUI
         try:

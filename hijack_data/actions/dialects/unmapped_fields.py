@@ -21,7 +21,7 @@ _MAX_DEPTH = 5
 
 
 def check_fields(fields: Mapping[str, Any], known_names: Collection[str], label: str) -> None:
-    """Check that every field is `known` or cannot hold coordinates.
+    """Check that every field is in `known_names` or cannot hold coordinates.
 
     Unknown fields without coordinates (notes, ids, None) are accepted, since no mapping has to
     change them.

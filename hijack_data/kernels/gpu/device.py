@@ -120,7 +120,7 @@ def _order(image: Tensor, size: Size) -> tuple[int, int]:
 def _resize_along(
     images: list[Tensor], sizes: Sequence[Size], indices: list[int], axis: int
 ) -> None:
-    """Resize, in the list, those of the pictures `due` whose side along an axis must change."""
+    """Resize, in the list, the pictures at `indices` whose side along an axis must change."""
     changing = [i for i in indices if images[i].shape[axis] != sizes[i][axis - 1]]
     if not changing:
         return

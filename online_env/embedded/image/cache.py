@@ -275,7 +275,7 @@ def find_image_folder(name: str | None) -> Path | None:
     """Return the image for a desktop, or `None` for the machine's own packages.
 
     Args:
-        name: as for `wanted`.
+        name: as for `requested_name`.
 
     Raises:
         DesktopImageError: There is no such image.

@@ -94,7 +94,7 @@ def sound(machine: Machine, path: str) -> Sound | None:
 
 
 def melody_problems(recording: Sound, pitches: Sequence[float]) -> Iterator[str]:
-    """Yield how a sound differs from a melody that `played` made."""
+    """Yield how a sound differs from the melody of some pitches, in Hz."""
     length = len(recording.samples) / recording.rate
     if abs(length - NOTE * len(pitches)) > NOTE / 4:
         yield f"it is {length:.1f} s long, not {NOTE * len(pitches):g} s"

@@ -120,7 +120,7 @@ def _trainer(settings: SftSettings, rows: list[ChatRow], out: Path) -> Any:
 
 
 def _limit_pixels(images: Any, max_pixels: int) -> None:
-    """Have an image processor of Qwen's kind scale pictures to at most `most` pixels.
+    """Have an image processor of Qwen's kind scale pictures to at most `max_pixels` pixels.
 
     Raises:
         ParameterError: its sizes are not such limits.
