@@ -59,7 +59,8 @@ class RecordingStage:
 
     Args:
         desktop: The machine.
-        style: The name of its look, one of `desktop_looks.LOOKS`; empty or `"golden"` for the golden home's.
+        style: The name of its look, one of `desktop_looks.LOOKS`; empty or `"golden"` for that of
+            the golden home.
     """
 
     def __init__(self, desktop: Desktop, style: str = "") -> None:
