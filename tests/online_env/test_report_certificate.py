@@ -121,6 +121,8 @@ def test_weights_declare_the_distribution(tmp_path):
     assert alone.distribution[0].parameters == {"number": 10}
     with pytest.raises(HijackError, match="no condition 'mark'; did you mean"):
         certify(run, agent="a", weights={"mark": 1})
+    with pytest.raises(HijackError, match="a share below 1e-9 is none"):
+        certify(run, agent="a", weights={"marks": 1, "pop_ups": 1e-12})
 
 
 def test_what_has_no_score_is_refused_or_lost_as_asked(tmp_path):
@@ -177,7 +179,14 @@ def test_results_of_others_are_certified_once_their_conditions_are_declared(tmp_
     table.write_text(table.read_text().replace("t0,noise,0,0", "t0,noise,1,0"))
     command("verify", path, "--run", table)
     assert "scores_sha256" in capsys.readouterr().out
+    odd = path.with_name("odd.json")
+    odd.write_text(path.read_text().replace('"columns": {', '"columns": {"task": 1,'))
+    assert command("verify", odd, "--run", table) == 2
+    assert "read_with must hold reader, columns and clean" in capsys.readouterr().err
     table.write_text(table.read_text().replace("t0,noise", "t,noise"))
+    options = {"clean": "none", "columns": {"score": "reward"}}
+    with pytest.raises(CertificateError, match="counts every task; leave out --common-tasks"):
+        certify(collect_run([table], **options, common_tasks=True), declaration="noise")
     assert command("certify", table, *words) == 2
     assert "a certificate counts every task" in capsys.readouterr().err
     folder = tmp_path / "run"
