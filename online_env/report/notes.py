@@ -5,8 +5,6 @@ from collections import Counter
 from collections.abc import Hashable, Iterator, Mapping
 from typing import Any
 
-import numpy as np
-
 from hijack_data.errors import quantity, shorten_list
 from hijack_data.plan import CLEAN
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
@@ -140,7 +138,7 @@ def _other_tasks_note(groups: scores.GroupedRecords) -> Iterator[str]:
     """Yield which agents were scored on other tasks than the first."""
     tasks: dict[str, set[Hashable]] = {}
     for (agent, _), cell in groups.scored.items():
-        tasks.setdefault(agent, set()).update(np.unique(scores.score_lists(cell)[1]).tolist())
+        tasks.setdefault(agent, set()).update(scores.distinct_tasks(cell))
     first, *further = tasks
     for agent in further:
         shared = len(tasks[first] & tasks[agent])

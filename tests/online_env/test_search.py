@@ -1,6 +1,7 @@
 """`hijack search`: seeded, resumable, finds a planted worst case, and confirms it on other cases."""
 
 import json
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ import hijack_data as hj
 from hijack_data.cli import main
 from hijack_data.errors import ParameterError
 from online_env.bench.plan_set import Loss, PlanSet, PlanSetError, WorstPlan, read_plan_set
+from online_env.scoring.dataset_rows import DatasetRows
 from online_env.scoring.planned_rows import PlannedRows
 from online_env.search import players
 from online_env.search.search import TRIALS, SearchSettings, search
@@ -120,6 +122,9 @@ def hijack(*words: object) -> int:
 def test_rows_are_searched_resumed_and_replayed(
     dataset: Path, agent: str, tmp_path: Path, monkeypatch: Any, capsys: Any
 ) -> None:
+    opened: list[object] = []
+    heads = DatasetRows.heads
+    monkeypatch.setattr(DatasetRows, "heads", lambda rows: opened.append(rows) or heads(rows))
     words = ["search", dataset, "--agent", agent, "--budget", 88, "--keep", 2, "-o"]
     assert hijack(*words, tmp_path / "whole") == 0
     play = players.RowPlayer.losses
@@ -141,6 +146,7 @@ def test_rows_are_searched_resumed_and_replayed(
     plans = read_plan_set(worst).plans
     assert plans[0].planner.label == "resolution"
     assert (plans[0].found.loss, plans[0].confirmed.loss) == (1.0, 1.0)
+    assert len(opened) == 1, "the light columns are read once, not every round"
     capsys.readouterr()
     out = tmp_path / "again"
     assert hijack("score", dataset, "--plans", worst, "--agent", agent, "-o", out, "--json") == 0
@@ -148,6 +154,18 @@ def test_rows_are_searched_resumed_and_replayed(
     assert rows[plans[0].label]["delta"] == -1.0
     assert hijack("bench", "--plans", worst, "--dry-run") == 2
     assert "score it with hijack score" in capsys.readouterr().err
+    plan_set = replace(read_plan_set(worst), search={"seed": 7})
+    plan_set.write(worst)
+    out = tmp_path / "seeded"
+    assert hijack("score", dataset, "--plans", worst, "--agent", agent, "-o", out) == 0
+    assert json.loads((out / "run.json").read_text())["config"]["plans"]["seed"] == 7
+
+
+@pytest.mark.parametrize("option", ["--limit", "--workers"])
+def test_options_for_rows_are_not_for_live_searches(option: str, capsys: Any) -> None:
+    words = ["search", "embedded_small", "--agent", "oracle", "--budget", 9, "--dry-run"]
+    assert hijack(*words, option, 2) == 2
+    assert f"{option} is for the rows of a dataset; leave it out" in capsys.readouterr().err
 
 
 def test_planned_rows_are_those_of_a_build(dataset: Path, tmp_path: Path) -> None:
