@@ -24,7 +24,8 @@ from online_env.report.notes import early_end_note
 from online_env.results import mean_bounds as bounds
 from online_env.results import reading, records
 from online_env.results.outcomes import collect_run
-from online_env.results.stop_rule import SequentialTest, StopRule
+from online_env.results.record_score import first_id
+from online_env.results.stop_rule import SequentialTest, StopRule, settle_bets
 from pipelines.proof.rebuild import rebuild
 
 from support.recorded import AGENT, PLANNERS, Episodes, Silent, Straw, config, no_machine
@@ -301,6 +302,14 @@ def test_a_run_ends_once_the_retention_is_shown_and_its_certificate_says_so(
     assert certificate_problems(path, run) == []
     again = play(folder, benchmark, lambda task: True, monkeypatch)
     assert len(again.records) == len(run.records)  # nothing is left to play
+
+
+def test_an_episode_without_a_score_is_a_lost_bet_solved_clean():
+    records_played = [made("a", "t", label, None, status="invalid") for label in ("clean", "marks")]
+    settings = {"seeds": [0], "corruptions": ["clean", "marks"]}
+    ids = [first_id(record) for record in records_played]
+    bets, episodes, missing = settle_bets(settings, ids, records_played)
+    assert (bets.clean, bets.corrupted, episodes, len(missing)) == ([1.0], [0.0], 0, 2)
 
 
 def test_verify_proves_a_run_that_ended_early_and_finds_one_that_did_not_have_to(tmp_path):
