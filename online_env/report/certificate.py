@@ -366,7 +366,7 @@ def _check_declaration(run: Run, declaration: str) -> str:
         raise CertificateError(
             f"{run.folder}: a certificate compares the same tasks; leave out --unpaired"
         )
-    if run.config.get("common_tasks"):
+    if run.config.get("left_out_by_common_tasks") is not None:
         raise CertificateError(
             f"{run.folder}: a certificate counts every task; leave out --common-tasks"
         )

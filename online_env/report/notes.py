@@ -98,6 +98,9 @@ def design_notes(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
         yield UNPAIRED_NOTE
     else:
         yield from _partner_note(groups)
+    left_out = run.config["left_out_by_common_tasks"]
+    if left_out:
+        yield f"Without {quantity(left_out, 'result')} of tasks that not all conditions have."
     reordered = run.config["seeds_matched_in_order"]
     if reordered:
         yield (

@@ -283,7 +283,9 @@ def merge_outcomes(
             "agents": [episodes.agents[number] for number in _in_order(episodes.agent)],
             "corruptions": sorted(conditions, key=lambda label: label != CLEAN),
             "merged": merged,
-            "common_tasks": common_tasks,
+            "left_out_by_common_tasks": len(collected.columns) - len(episodes)
+            if common_tasks
+            else None,
             "seeds_matched_in_order": list(reordered),
             "versions": {name: sorted(users) for name, users in sorted(collected.versions.items())},
         },

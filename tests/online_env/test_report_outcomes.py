@@ -447,6 +447,7 @@ def test_tasks_that_differ_are_refused_with_the_difference(tmp_path):
     )
     report = build_report(collect_run([path], common_tasks=True))
     assert success(report) == {"clean": 4 / 5, "marks": 1 / 5}
+    assert "Without 2 results of tasks that not all conditions have." in report.notes
 
 
 def test_numbers_of_several_sources_are_no_names_of_tasks(tmp_path):
