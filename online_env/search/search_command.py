@@ -46,7 +46,9 @@ from hijack_data.cli.options import BriefCommand, desktops_option, new_run_optio
     help="How many of the worst are confirmed on held-out cases.",
 )
 @seed_option("Seed of the search.")
-@click.option("--limit", type=click.IntRange(2), metavar="N", help="The first N trajectories of either half.")
+@click.option(
+    "--limit", type=click.IntRange(2), metavar="N", help="The first N trajectories of each half."
+)
 @click.option(
     "--workers",
     type=click.IntRange(1, 256),
