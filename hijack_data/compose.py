@@ -152,12 +152,7 @@ class OneOf(Augmentation):
     def _acts(self, seed: int, sample: int | str, step: int, epoch: int) -> bool:
         """Return whether the option that is drawn for a step acts at it."""
         choice = self._draw(seed, sample, step, epoch)
-        if choice is None:
-            return False
-        option = choice[0]
-        if step == BEFORE and not (option.effects or option.inputs):
-            return False  # there is no picture before the first
-        return option.is_due(step)
+        return choice is not None and _acts(*choice, seed, step, epoch)
 
     def _draw(
         self, seed: int, sample: int | str, step: int, epoch: int
@@ -294,6 +289,19 @@ class Schedule(Augmentation):
         return as_planner(
             self.at(epoch), f"Schedule at epoch {epoch} takes corruptions such as Marks()"
         )
+
+
+def _acts(planner: Planner, key: int | str, seed: int, step: int, epoch: int) -> bool:
+    """Return whether a planner acts at a step, as far as its draws decide."""
+    if isinstance(planner, Sequence):
+        parts = enumerate(planner.parts)
+        return any(_acts(part, branch(key, at), seed, step, epoch) for at, part in parts)
+    if isinstance(planner, OneOf | Schedule):
+        choice = planner.choose(seed=seed, sample=key, step=step, epoch=epoch)
+        return choice is not None and _acts(*choice, seed, step, epoch)
+    if step == BEFORE and not (planner.effects or planner.inputs):
+        return False  # there is no picture before the first
+    return planner.is_due(step)
 
 
 def sometimes(planner: Planner, p: float) -> Planner:

@@ -14,7 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data.corruption import find_corruption
-from hijack_data.errors import HijackError, ParameterError, UnknownNameError, shorten_list, suggest
+from hijack_data.errors import (
+    HijackError,
+    ParameterError,
+    UnknownNameError,
+    short_repr,
+    shorten_list,
+    suggest,
+)
 from hijack_data.file_io import read_versioned_json
 from hijack_data.plan import CLEAN
 from hijack_data.runs.run_log import RECORDS, file_digest, sha256_hex
@@ -52,10 +59,6 @@ REASONS: Mapping[str, str] = {
         "the run could end after any task: a confidence sequence by betting holds at all times"
     ),
 }
-
-
-# Fields that certificates of runs of this library did not have at first.
-_ABSENT: Mapping[str, Any] = {"declaration": "", "read_with": None}
 
 
 class CertificateError(ReportError):
@@ -243,7 +246,6 @@ def read_certificate(path: Path) -> dict[str, Any]:
         description="a certificate (hijack certify RUN -o certificate.json)",
         error=CertificateError,
     )
-    data = {**_ABSENT, **data}
     names = ["format", "version", *(entry.name for entry in fields(Certificate))]
     odd = sorted(set(names) ^ set(data))
     if odd:
@@ -267,10 +269,23 @@ def read_certified_run(path: Path, sources: Sequence[Path]) -> Run:
         if len(sources) > 1:
             raise CertificateError(f"{path}: is about one run; give its folder alone with --run")
         return reading.read(sources[0])
-    try:
-        return collect_run(sources, **read_with)
-    except TypeError as error:
-        raise CertificateError(f"{path}: read_with: {error}") from None
+    reader, columns, clean = _check_read_with(path, read_with)
+    return collect_run(sources, reader=reader, columns=columns, clean=clean)
+
+
+def _check_read_with(path: Path, data: Any) -> tuple[str | None, dict[str, str], str]:
+    """Return reader, columns and clean condition of results of other harnesses.
+
+    Raises:
+        CertificateError: they have another form.
+    """
+    match data:
+        case {"reader": None | str() as reader, "columns": {**columns}, "clean": str() as clean}:
+            if len(data) == 3 and all(isinstance(name, str) for name in columns.values()):
+                return reader, columns, clean
+    raise CertificateError(
+        f"{path}: read_with must hold reader, columns and clean, got {short_repr(data)}"
+    )
 
 
 def certificate_problems(path: Path, run: Run) -> list[str]:
@@ -351,6 +366,10 @@ def _check_declaration(run: Run, declaration: str) -> str:
         raise CertificateError(
             f"{run.folder}: a certificate compares the same tasks; leave out --unpaired"
         )
+    if run.config.get("left_out_by_common_tasks") is not None:
+        raise CertificateError(
+            f"{run.folder}: a certificate counts every task; leave out --common-tasks"
+        )
     return text
 
 
@@ -401,9 +420,14 @@ def _shares(run: Run, weights: Mapping[str, float] | None) -> dict[str, float]:
     total = math.fsum(weights.values())
     if abs(total - 1) < len(weights) * 10**-WEIGHT_DIGITS:  # of a certificate: rounded already
         total = 1.0
-    return {
+    shares = {
         label: round(weights[label] / total, WEIGHT_DIGITS) for label in labels if label in weights
     }
+    if not all(shares.values()):
+        raise ParameterError(
+            f"--weights: a share below 1e-{WEIGHT_DIGITS} is none; leave out its condition"
+        )
+    return shares
 
 
 def _bound(

@@ -11,7 +11,7 @@ from hijack_data.plan import CLEAN
 
 from ..extra import require
 from ..results.outcome_formats import FIELDS
-from ..results.outcome_readers.table import check_columns_differ, read_arrow
+from ..results.outcome_readers.table import check_columns_differ, check_spelling, read_arrow
 from ..results.outcomes import OutcomeError, merge_outcomes
 from .build import build_report
 from .conclusions import conclude
@@ -133,6 +133,7 @@ def compare(
     names = {field: named_columns.get(field, field) for field in FIELDS}
     present = {field: name for field, name in names.items() if name in arrow.column_names}
     check_columns_differ(present)
+    check_spelling("the table", arrow.column_names, list(names.values()))
     run = merge_outcomes(
         {"the table": read_arrow(arrow, present, _AGENT)},
         folder=Path(_SOURCE),

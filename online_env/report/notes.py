@@ -2,7 +2,7 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from typing import Any
 
 from hijack_data.errors import quantity, shorten_list
@@ -98,6 +98,9 @@ def design_notes(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
         yield UNPAIRED_NOTE
     else:
         yield from _partner_note(groups)
+    left_out = run.config["left_out_by_common_tasks"]
+    if left_out:
+        yield f"Without {quantity(left_out, 'result')} of tasks that not all conditions have."
     reordered = run.config["seeds_matched_in_order"]
     if reordered:
         yield (
@@ -114,6 +117,7 @@ def design_notes(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
     if len(versions) > 1:
         listed = "; ".join(f"{name}: {shorten_list(cells, 3)}" for name, cells in versions.items())
         yield f"The results are of several versions, which may differ, too ({listed})."
+    yield from _other_tasks_note(groups)
     tasks = {agent: 0 for agent, _ in groups.scored}
     repeats = dict(tasks)
     for (agent, _), cell in groups.scored.items():
@@ -131,6 +135,21 @@ def design_notes(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
             f"{', '.join(once)}: one result of each task and condition, so what chance does"
             " between two runs of a task is not known."
         )
+
+
+def _other_tasks_note(groups: scores.GroupedRecords) -> Iterator[str]:
+    """Yield which agents were scored on other tasks than the first."""
+    tasks: dict[str, set[Hashable]] = {}
+    for (agent, _), cell in groups.scored.items():
+        tasks.setdefault(agent, set()).update(scores.distinct_tasks(cell))
+    first, *further = tasks
+    for agent in further:
+        shared = len(tasks[first] & tasks[agent])
+        if shared < max(len(tasks[first]), len(tasks[agent])):
+            yield (
+                f"{agent} and {first} share {shared} of {len(tasks[agent])} and"
+                f" {len(tasks[first])} tasks with a score: their rates are of different tasks."
+            )
 
 
 def _partner_note(groups: scores.GroupedRecords) -> Iterator[str]:

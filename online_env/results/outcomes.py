@@ -21,7 +21,7 @@ from hijack_data.entries import Lazy
 from hijack_data.errors import HijackError, quantity, shorten_list, suggest
 from hijack_data.surrogates import has_half
 
-from .episode_columns import EpisodeColumns, OutcomeColumns
+from .episode_columns import EpisodeColumns, Integers, OutcomeColumns
 from .outcome_formats import AMOUNTS, FIELDS, READERS
 from .reading import Run
 
@@ -283,6 +283,9 @@ def merge_outcomes(
             "agents": [episodes.agents[number] for number in _in_order(episodes.agent)],
             "corruptions": sorted(conditions, key=lambda label: label != CLEAN),
             "merged": merged,
+            "left_out_by_common_tasks": len(collected.columns) - len(episodes)
+            if common_tasks
+            else None,
             "seeds_matched_in_order": list(reordered),
             "versions": {name: sorted(users) for name, users in sorted(collected.versions.items())},
         },
@@ -413,10 +416,10 @@ class _Origin:
 
 
 def _check_names(episodes: EpisodeColumns, origin: _Origin) -> None:
-    """Check that names have no spaces around them, by which two would differ unseen.
+    """Check that names do not differ unseen: by spaces around them, or conditions by capitals.
 
     Raises:
-        OutcomeError: one has, or cannot be written.
+        OutcomeError: one does, or cannot be written.
     """
     for what, names, numbers in (
         ("agent", episodes.agents, episodes.agent),
@@ -433,6 +436,14 @@ def _check_names(episodes: EpisodeColumns, origin: _Origin) -> None:
             elif name != name.strip():
                 problem = "begins or ends with a space; remove it"
             raise OutcomeError(f"{place}: the {what} {name!r} {problem}")
+    spellings: dict[str, str] = {}
+    for name in episodes.conditions:
+        other = spellings.setdefault(name.lower(), name)
+        if other != name:
+            raise OutcomeError(
+                f"the conditions {other!r} and {name!r} differ in capital letters alone; write one"
+                " of them everywhere"
+            )
 
 
 def _check_unique(episodes: EpisodeColumns, origin: _Origin) -> None:
@@ -546,29 +557,42 @@ def _check_unpaired(tasks: Mapping[str, Mapping[str, TaskNumbers]]) -> None:
 
 
 def _match_seeds(episodes: EpisodeColumns) -> tuple[EpisodeColumns, Sequence[str]]:
-    """Return the episodes, renumbered where conditions were played with other seeds than clean.
+    """Return the episodes, with the seeds of clean where a condition has none of them.
 
     Seeds are repetitions of a task. If a condition of an agent shares no seed with the clean one,
-    the first repetition of each task is matched with the first clean one, and so on.
+    its first repetition of each task gets the seed of the first clean one, and so on. The seeds of
+    the other conditions stay, so that their pairs do.
 
     Returns:
-        The episodes, and the agents that were renumbered.
+        The episodes, and the agents some of whose conditions got other seeds.
     """
     cells = episodes.cells()
-    renumbered: dict[str, None] = {}
-    for (agent, _), cell in cells.items():
-        clean = cells.get((agent, CLEAN))
-        if clean is not None:
-            seeds = episodes.seed[clean.positions]
-            if not np.intersect1d(episodes.seed[cell.positions], seeds).size:
-                renumbered[agent] = None
-    if not renumbered:
-        return episodes, ()
+    matched: dict[str, None] = {}
     seed = episodes.seed.copy()
     for (agent, _), cell in cells.items():
-        if agent in renumbered:
-            seed[cell.positions] = episodes.rank_in_task(cell.positions)
-    return replace(episodes, seed=seed), tuple(renumbered)
+        clean = cells.get((agent, CLEAN))
+        if clean is None:
+            continue
+        if not np.intersect1d(episodes.seed[cell.positions], episodes.seed[clean.positions]).size:
+            matched[agent] = None
+            seed[cell.positions] = _seeds_by_rank(episodes, cell.positions, clean.positions)
+    return (replace(episodes, seed=seed) if matched else episodes), tuple(matched)
+
+
+def _seeds_by_rank(episodes: EpisodeColumns, positions: Integers, clean: Integers) -> Integers:
+    """Return for each episode at `positions` the seed of the clean one of its task and rank.
+
+    One without such a clean episode gets a seed that no episode has.
+    """
+    ranks, clean_ranks = episodes.rank_in_task(positions), episodes.rank_in_task(clean)
+    most = int(max(ranks.max(), clean_ranks.max())) + 1
+    keys = episodes.task[positions].astype(np.int64) * most + ranks
+    clean_keys = episodes.task[clean].astype(np.int64) * most + clean_ranks
+    order = np.argsort(clean_keys)
+    at = np.searchsorted(clean_keys, keys, sorter=order).clip(max=len(clean) - 1)
+    has_partner = clean_keys[order][at] == keys
+    unused = np.setdiff1d(np.arange(len(np.unique(episodes.seed)) + most), episodes.seed)
+    return np.where(has_partner, episodes.seed[clean[order][at]], unused[ranks])
 
 
 def _difference(

@@ -323,10 +323,15 @@ def can_infer() -> bool:
     return importlib.util.find_spec("scipy") is not None
 
 
+def distinct_tasks(cell: ScoreByCase) -> set[Hashable]:
+    """Return the tasks that the cases of a cell are of, whatever their variants."""
+    tasks = score_lists(cell)[1]
+    return set(np.unique(tasks).tolist() if isinstance(tasks, np.ndarray) else tasks)
+
+
 def count_tasks(cell: ScoreByCase) -> int:
     """Return how many tasks the cases of a cell are of, whatever their variants."""
-    tasks = score_lists(cell)[1]
-    return len(np.unique(tasks)) if isinstance(tasks, np.ndarray) else len(set(tasks))
+    return len(distinct_tasks(cell))
 
 
 def task_names(cases: Iterable[PairKey]) -> list[str]:

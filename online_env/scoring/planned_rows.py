@@ -1,6 +1,7 @@
 """The clean rows of a dataset, corrupted while they are read."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Literal, TypeAlias
 
@@ -60,9 +61,7 @@ class PlannedRows:
     def _clean_rows(self, part: RowPart) -> Iterator[tuple[int, str, RowData]]:
         """Yield number, split and light columns of the clean rows of a part."""
         trajectories: dict[str, int] = {}
-        for number, (split, row) in enumerate(self._rows.heads()):
-            if row["corruption"] != CLEAN:
-                continue
+        for number, split, row in _read_clean_heads(self.folder.resolve(), self.content):
             place = trajectories.setdefault(row["trajectory_id"], len(trajectories))
             if part == "all" or (place % 2 == 1) == (part == "held_out"):
                 yield number, split, row
@@ -99,3 +98,10 @@ class PlannedRows:
     def _names(self, row: RowData, label: str) -> RowData:
         name = f"{row['trajectory_id']}/{row['step']:04d}/"
         return {"corruption": label, "id": f"{name}{label}"}
+
+
+@lru_cache(maxsize=1)  # every round of a search, and every worker, needs the same
+def _read_clean_heads(folder: Path, content: str) -> Sequence[tuple[int, str, RowData]]:
+    """Return number, split and light columns of the clean rows of the dataset with a content."""
+    heads = enumerate(DatasetRows(folder).heads())
+    return [(number, split, row) for number, (split, row) in heads if row["corruption"] == CLEAN]

@@ -13,7 +13,7 @@ from hijack_data.errors import ParameterError
 
 from ..agents.guards import find_guard
 from ..bench.config import Bench, override
-from ..bench.plan_set import read_plan_set
+from ..bench.plan_set import PlanSet, read_plan_set
 from ..report.outcome import exit_code
 from ..report.terminal import score_rows, show
 from ..results import records
@@ -64,7 +64,7 @@ def run_command(
         guard=find_guard(guard) if guard else "",
         in_process=in_process,
         agent_memory=agent_memory or 0.0,
-        plans=None if plans is None else RowPlans(planners=read_plan_set(plans).planners),
+        plans=None if plans is None else _row_plans(read_plan_set(plans)),
     )
     run = ScoreRun(settings)
     if dry_run:
@@ -80,6 +80,12 @@ def run_command(
     else:
         show(scored_run)
     raise SystemExit(exit_code(scored_run))
+
+
+def _row_plans(plan_set: PlanSet) -> RowPlans:
+    """Return the corruptions of a set of plans, with the draws of a search over rows."""
+    seed = plan_set.search.get("seed", 0) if plan_set.bench is None else 0
+    return RowPlans(planners=plan_set.planners, seed=seed)
 
 
 def _labels(text: str | None) -> tuple[str, ...] | None:

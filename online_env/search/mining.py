@@ -29,6 +29,7 @@ from ..report.model import ReportError
 from ..results import reading
 from ..results.scores import group_records, task_name
 
+MAX_NAME = 100  # characters of the name of a file
 MIN_EPISODES = 2  # of a group that is more special than all episodes of a corruption
 GroupKey: TypeAlias = tuple[str, ...]  # agent and corruption, and as far as shared cause, app
 
@@ -122,10 +123,13 @@ def write_groups(folder: Path, out: Path) -> None:
     groups = group_lost(episodes, planners)
     make_folder(out)
     for number, group in enumerate(groups, 1):
-        path = out / f"{number:02d}_{re.sub('[^A-Za-z0-9+]+', '_', group.description)}.yaml"
+        name = re.sub("[^A-Za-z0-9+]+", "_", group.description)[:MAX_NAME]
+        path = out / f"{number:02d}_{name}.yaml"
         write_atomic(path, _to_yaml(group, run.config, planners))
         size = f"{len(group.episodes)} ({100 * group.share:.0f} %)"
         echo(f"{size:>10}  {group.description}: {path}")
+    if groups and run.config.get("guard"):
+        echo(f"the run had a guard: hijack bench needs --guard {run.config['guard']} again")
 
 
 def _to_yaml(
@@ -145,4 +149,6 @@ def _to_yaml(
         f"# {group.description}\n# {quantity(len(group.episodes), 'episode')},"
         f" {100 * group.share:.0f} % of those that were disturbed and lost\n"
     )
+    if config.get("guard"):
+        head += f"# with hijack bench --guard {config['guard']}\n"
     return head + yaml.safe_dump(settings, sort_keys=False, allow_unicode=True, width=100)

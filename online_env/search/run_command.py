@@ -1,6 +1,7 @@
 """What `hijack search` does: search, confirm, and write `worst.json`."""
 
 import importlib.metadata
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -35,7 +36,7 @@ def run_search(
     keep: int,
     seed: int,
     limit: int | None,
-    workers: int,
+    workers: int | None,
     desktops: int | None,
     dry_run: bool,
 ) -> None:
@@ -50,7 +51,10 @@ def run_search(
         raise click.UsageError("--out DIR: say where the search goes (or --dry-run)")
     out = out or Path()
     is_dataset = Path(source).is_dir()
-    _check_options(is_dataset, tasks=tasks, seeds=seeds, desktops=desktops, limit=limit)
+    if is_dataset:
+        _check_options({"tasks": tasks, "seeds": seeds, "desktops": desktops}, "live searches")
+    else:
+        _check_options({"limit": limit, "workers": workers}, "the rows of a dataset")
     space = SearchSpace(_names(corruptions, is_dataset), pairs)
     settings = SearchSettings(space=space, budget=budget, seed=seed, keep=keep)
     chosen: Bench = override(Bench(), agent=agent)
@@ -68,7 +72,10 @@ def run_search(
     if is_dataset:
         dataset = Path(source)
         scored = ScoreSettings(
-            dataset=dataset, agents=chosen.agents, workers=workers, selection=Selection(limit=limit)
+            dataset=dataset,
+            agents=chosen.agents,
+            workers=workers or 1,
+            selection=Selection(limit=limit),
         )
         player = RowPlayer(scored, seed, _screen_size(dataset), out)
         about = {**about, "rows": player.cases, "held_out": player.held_out, "limit": limit}
@@ -103,17 +110,15 @@ def run_search(
         echo(f"{path}; again: hijack {replay} --plans {path} --agent {agent} --out RUNS")
 
 
-def _check_options(is_dataset: bool, *, limit: int | None, **live: object) -> None:
+def _check_options(options: Mapping[str, object], use: str) -> None:
     """Check that no option is for the other kind of search.
 
     Raises:
         UsageError: One is.
     """
-    live_options = [name for name, value in live.items() if value is not None]
-    if is_dataset and live_options:
-        raise click.UsageError(f"--{live_options[0]} is for live searches; a dataset has its rows")
-    if limit is not None and not is_dataset:
-        raise click.UsageError("--limit is for the rows of a dataset")
+    for name, value in options.items():
+        if value is not None:
+            raise click.UsageError(f"--{name} is for {use}; leave it out")
 
 
 def _names(text: str | None, is_dataset: bool) -> tuple[str, ...]:

@@ -115,6 +115,11 @@ class _Trials:
     def loss(self, label: str) -> Loss:
         return _mean(self.losses[label])
 
+    def value(self, label: str) -> float:
+        """Return what the sampler is told of a corruption."""
+        loss = self.loss(label)
+        return loss.loss if loss.n else UNPLAYABLE
+
     def ranked(self) -> list[str]:
         """Return the labels of those that cost anything, the worst first."""
         tried = [label for label, losses in self.losses.items() if losses]
@@ -160,8 +165,7 @@ def search(
         fresh = {label: trials.planners[label] for label in proposals.values()}
         trials.losses |= player.losses(f"round-{rounds:03d}", fresh, held_out=False)
         for number, label in proposals.items():
-            loss = trials.loss(label)
-            study.tell(number, loss.loss if loss.n else UNPLAYABLE)
+            study.tell(number, trials.value(label))
         _write_trials(out, trials)
         say(_round_line(trials, count))
     return _confirm(player, trials, settings.keep)
@@ -189,7 +193,7 @@ def _propose(
         unfit += 1
         if label is not None:
             if label in trials.losses:
-                study.tell(trial, trials.loss(label).loss)
+                study.tell(trial, trials.value(label))
             else:
                 study.tell(trial, state=trials.fail)  # it is played in this round
             continue

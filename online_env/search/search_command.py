@@ -46,14 +46,14 @@ from hijack_data.cli.options import BriefCommand, desktops_option, new_run_optio
     help="How many of the worst are confirmed on held-out cases.",
 )
 @seed_option("Seed of the search.")
-@click.option("--limit", type=click.IntRange(2), metavar="N", help="The first N trajectories.")
+@click.option(
+    "--limit", type=click.IntRange(2), metavar="N", help="The first N trajectories of each half."
+)
 @click.option(
     "--workers",
     type=click.IntRange(1, 256),
-    default=1,
-    show_default=True,
     metavar="N",
-    help="Agents that answer side by side, for rows.",
+    help="Agents that answer side by side, for rows.  [default: 1]",
 )
 @desktops_option
 @click.option("--dry-run", is_flag=True, help="Say what would be played, and play nothing.")

@@ -142,6 +142,11 @@ def test_a_trigger_of_each_step_is_drawn_at_most_so_often_in_an_episode():
     marks = hj.OneOf([hj.Marks(number=1)], max_times=3)
     acting = [bool(marks.plan(screen, seed=1, step=k).ops) for k in range(5)]
     assert acting == [True, True, True, False, False]
+    rarely = hj.OneOf([hj.Marks(number=1)], p_clean=0.9)
+    nested = hj.OneOf([hj.Sequence([rarely])], max_times=2)
+    for sample in range(8):  # a step at which the part stays clean takes nothing from the cap
+        plans = [nested.plan(screen, seed=0, sample=sample, step=step) for step in range(80)]
+        assert sum(bool(plan.ops) for plan in plans) == 2
     with pytest.raises(ParameterError, match="OneOf: max_times must be int in"):
         hj.OneOf([hj.Marks()], max_times=0)
 

@@ -52,14 +52,18 @@ def test_a_run_becomes_benchmarks(tmp_path: Any, capsys: Any) -> None:
             made("oracle", task, "marks_s4", 1.0, seed=3, **fields),
         ]
     corruptions = ["clean", {"verification": {"as": "locked"}}, {"marks": {"as": "marks_s4"}}]
-    run = run_of(tmp_path / "run", records, corruptions=corruptions, max_steps=30)
+    settings = {"corruptions": corruptions, "max_steps": 30, "guard": "rules"}
+    run = run_of(tmp_path / "run", records, **settings)
     main_code = main_exit(["mine", str(run), "-o", str(tmp_path / "lost")])
     assert main_code == 0
-    assert "2 episodes lost of 2 disturbed" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "2 episodes lost of 2 disturbed" in printed
+    assert "needs --guard rules again" in printed
     (file,) = (tmp_path / "lost").iterdir()
     text = file.read_text()
     assert text.startswith("# verification, ")
     assert "100 % of those" in text
+    assert "\n# with hijack bench --guard rules\n" in text
     bench = load_bench(file)
     assert (bench.agents, bench.seeds, bench.max_steps) == (("oracle",), (3,), 30)
     assert set(bench.tasks) == {"write_note", "rename_file"}

@@ -24,7 +24,8 @@ from online_env.report.notes import early_end_note
 from online_env.results import mean_bounds as bounds
 from online_env.results import reading, records
 from online_env.results.outcomes import collect_run
-from online_env.results.stop_rule import SequentialTest, StopRule
+from online_env.results.record_score import first_id
+from online_env.results.stop_rule import SequentialTest, StopRule, settle_bets
 from pipelines.proof.rebuild import rebuild
 
 from support.recorded import AGENT, PLANNERS, Episodes, Silent, Straw, config, no_machine
@@ -121,6 +122,8 @@ def test_weights_declare_the_distribution(tmp_path):
     assert alone.distribution[0].parameters == {"number": 10}
     with pytest.raises(HijackError, match="no condition 'mark'; did you mean"):
         certify(run, agent="a", weights={"mark": 1})
+    with pytest.raises(HijackError, match="a share below 1e-9 is none"):
+        certify(run, agent="a", weights={"marks": 1, "pop_ups": 1e-12})
 
 
 def test_what_has_no_score_is_refused_or_lost_as_asked(tmp_path):
@@ -177,7 +180,14 @@ def test_results_of_others_are_certified_once_their_conditions_are_declared(tmp_
     table.write_text(table.read_text().replace("t0,noise,0,0", "t0,noise,1,0"))
     command("verify", path, "--run", table)
     assert "scores_sha256" in capsys.readouterr().out
+    odd = path.with_name("odd.json")
+    odd.write_text(path.read_text().replace('"columns": {', '"columns": {"task": 1,'))
+    assert command("verify", odd, "--run", table) == 2
+    assert "read_with must hold reader, columns and clean" in capsys.readouterr().err
     table.write_text(table.read_text().replace("t0,noise", "t,noise"))
+    options = {"clean": "none", "columns": {"score": "reward"}}
+    with pytest.raises(CertificateError, match="counts every task; leave out --common-tasks"):
+        certify(collect_run([table], **options, common_tasks=True), declaration="noise")
     assert command("certify", table, *words) == 2
     assert "a certificate counts every task" in capsys.readouterr().err
     folder = tmp_path / "run"
@@ -292,6 +302,14 @@ def test_a_run_ends_once_the_retention_is_shown_and_its_certificate_says_so(
     assert certificate_problems(path, run) == []
     again = play(folder, benchmark, lambda task: True, monkeypatch)
     assert len(again.records) == len(run.records)  # nothing is left to play
+
+
+def test_an_episode_without_a_score_is_a_lost_bet_solved_clean():
+    records_played = [made("a", "t", label, None, status="invalid") for label in ("clean", "marks")]
+    settings = {"seeds": [0], "corruptions": ["clean", "marks"]}
+    ids = [first_id(record) for record in records_played]
+    bets, episodes, missing = settle_bets(settings, ids, records_played)
+    assert (bets.clean, bets.corrupted, episodes, len(missing)) == ([1.0], [0.0], 0, 2)
 
 
 def test_verify_proves_a_run_that_ended_early_and_finds_one_that_did_not_have_to(tmp_path):

@@ -1,6 +1,7 @@
 """`hijack report` of logs that Inspect wrote, by its own mock model."""
 
 import gc
+import json
 
 import pytest
 
@@ -81,9 +82,27 @@ def test_logs_of_inspect_are_read_and_an_error_is_no_zero(log_format, tmp_path):
         collect_run(sources, columns={"condition": "noise"})
 
 
-def test_a_log_whose_samples_have_no_id_is_refused(tmp_path):
-    import json
+def test_a_log_that_did_not_end_is_refused_and_an_invalidated_sample_is_no_outcome(tmp_path):
+    (path, *_) = sorted(inspect_logs(tmp_path, "json").glob("*.json"))
+    log = json.loads(path.read_text())
+    reason = {"timestamp": "2026-01-01T00:00:00Z", "author": "me", "reason": "leaked"}
+    log["samples"][0]["invalidation"] = reason
+    log["samples"][0]["metadata"]["noise"] = None
+    path.write_text(json.dumps(log))
+    run = collect_run([path])
+    assert run.failures[0]["problem"] == "is invalidated: leaked"
+    with pytest.raises(OutcomeError, match="sample t0: noise names no condition"):
+        collect_run([path], columns={"condition": "noise"})
+    log["status"] = "cancelled"
+    path.write_text(json.dumps(log))
+    assert len(collect_run([path]).records) == 6  # it is whole nevertheless
+    del log["samples"][-1]
+    path.write_text(json.dumps(log))
+    with pytest.raises(OutcomeError, match=r"holds 5 of 6 samples \(its status is cancelled\)"):
+        collect_run([path])
 
+
+def test_a_log_whose_samples_have_no_id_is_refused(tmp_path):
     (path, *_) = sorted(inspect_logs(tmp_path, "json").glob("*.json"))
     log = json.loads(path.read_text())
     for sample in log["samples"]:

@@ -124,6 +124,9 @@ def test_a_column_that_only_later_lines_have_is_refused(tmp_path):
         ("a.jsonl", '{"task": "a", "score": 1, "score": 0}\n', "has the key 'score' twice"),
         ("a.jsonl", '{"task": "a", "score": 1}\n{"task": 1, "score": 1}\n', "of another type"),
         ("a.jsonl", '[{"task": "a", "score": 1}]\n', "is no object; write one object a line"),
+        ("a.csv", "task,score,Condition\na,1,m\n", "a column 'Condition'; rename it 'condition'"),
+        ("a.csv", "task,score, seed\na,1,0\n", "has a column ' seed'; rename it 'seed'"),
+        ("a.jsonl", '{"task": "a", "score": 1, "Agent": "b"}\n', "a column 'Agent'; rename it"),
     ],
 )
 def test_what_would_be_read_wrong_without_a_word_is_refused(name, text, said, tmp_path):
@@ -222,6 +225,28 @@ def test_other_seeds_than_the_clean_ones_are_matched_in_their_order(tmp_path):
     )
     expected = build_report(collect_run([write_csv(tmp_path / "same.csv", same)]))
     assert report.cells == expected.cells
+
+
+def test_one_condition_with_other_seeds_leaves_the_pairs_of_the_others(tmp_path):
+    listed = [
+        {"task": task, "condition": label, "seed": seed, "score": int(seed % 10 > 1)}
+        for task in "abc"
+        for label, seeds in {"clean": range(4), "marks": (2, 3), "pop_ups": range(10, 15)}.items()
+        for seed in seeds
+    ]
+    report = build_report(collect_run([write_csv(tmp_path / "r.csv", listed)]))
+    assert report.cell("r", "marks").delta == 0  # both are solved clean, too
+    assert report.cell("r", "pop_ups").delta == 0
+    assert any("r under pop_ups 3)" in note for note in report.notes)  # the fifth of each task
+
+
+def test_other_tasks_of_another_agent_and_capital_letters_are_said(tmp_path):
+    listed = [*rows(), *({**row, "agent": "other", "task": f"u{row['task']}"} for row in rows())]
+    report = build_report(collect_run([write_csv(tmp_path / "r.csv", listed)]))
+    assert any("other and mine share 0 of 6 and 6 tasks" in note for note in report.notes)
+    listed[0]["condition"] = "Clean"
+    with pytest.raises(OutcomeError, match="'Clean' and 'clean' differ in capital letters alone"):
+        collect_run([write_csv(tmp_path / "r.csv", listed)])
 
 
 def gpqa(tmp_path):
@@ -422,6 +447,7 @@ def test_tasks_that_differ_are_refused_with_the_difference(tmp_path):
     )
     report = build_report(collect_run([path], common_tasks=True))
     assert success(report) == {"clean": 4 / 5, "marks": 1 / 5}
+    assert "Without 2 results of tasks that not all conditions have." in report.notes
 
 
 def test_numbers_of_several_sources_are_no_names_of_tasks(tmp_path):

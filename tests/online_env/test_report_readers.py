@@ -146,6 +146,19 @@ def test_a_result_of_another_form_is_named_with_its_field(change, said, tmp_path
     assert "task_checksum" in change or str(path) in str(error.value)
 
 
+def test_keys_have_no_order_and_a_trial_without_a_result_is_refused(tmp_path):
+    harbor_jobs(tmp_path)
+    folder = tmp_path / "clean" / "t0__abcdefg"
+    result = json.loads((folder / "result.json").read_text())
+    write_json(folder / "result.json", {"config": {"prompt": "long " * 2000}, **result})
+    assert success([tmp_path])[0].cells[0].n == 4
+    write_json(folder / "config.json", {"task": {"path": "t0"}, "trial_name": folder.name})
+    assert success([tmp_path])[0].cells[0].n == 4
+    (folder / "result.json").unlink()
+    with pytest.raises(OutcomeError, match=r"t0__abcdefg: is a trial without result\.json"):
+        collect_run([tmp_path])
+
+
 def test_a_trajectory_in_atif_needs_keys_for_task_and_score(tmp_path):
     for label, scores in SOLVED.items():
         for number, score in enumerate(scores):

@@ -1,6 +1,7 @@
 """`hijack search`: seeded, resumable, finds a planted worst case, and confirms it on other cases."""
 
 import json
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -13,15 +14,23 @@ pytest.importorskip("scipy", reason=needs.ONLINE)
 pytest.importorskip("optuna", reason=needs.SEARCH)
 
 import numpy as np
+from ext_package.paper import PaperDesktop, PressOk, provider
 
 import hijack_data as hj
 from hijack_data.cli import main
 from hijack_data.errors import ParameterError
+from online_env.bench.config import Bench, load_bench, override
 from online_env.bench.plan_set import Loss, PlanSet, PlanSetError, WorstPlan, read_plan_set
+from online_env.bench.providers import PROVIDERS
+from online_env.environment import Settle
+from online_env.results import reading
+from online_env.scoring.dataset_rows import DatasetRows
 from online_env.scoring.planned_rows import PlannedRows
+from online_env.scoring.run import ScoreSettings
 from online_env.search import players
 from online_env.search.search import TRIALS, SearchSettings, search
 from online_env.search.space import SearchSpace
+from online_env.tasks import TASKS
 from pipelines import build, open_dataset
 
 from support.scoring import dataset as make_dataset
@@ -120,6 +129,9 @@ def hijack(*words: object) -> int:
 def test_rows_are_searched_resumed_and_replayed(
     dataset: Path, agent: str, tmp_path: Path, monkeypatch: Any, capsys: Any
 ) -> None:
+    opened: list[object] = []
+    heads = DatasetRows.heads
+    monkeypatch.setattr(DatasetRows, "heads", lambda rows: opened.append(rows) or heads(rows))
     words = ["search", dataset, "--agent", agent, "--budget", 88, "--keep", 2, "-o"]
     assert hijack(*words, tmp_path / "whole") == 0
     play = players.RowPlayer.losses
@@ -141,6 +153,7 @@ def test_rows_are_searched_resumed_and_replayed(
     plans = read_plan_set(worst).plans
     assert plans[0].planner.label == "resolution"
     assert (plans[0].found.loss, plans[0].confirmed.loss) == (1.0, 1.0)
+    assert len(opened) == 1, "the light columns are read once, not every round"
     capsys.readouterr()
     out = tmp_path / "again"
     assert hijack("score", dataset, "--plans", worst, "--agent", agent, "-o", out, "--json") == 0
@@ -148,6 +161,59 @@ def test_rows_are_searched_resumed_and_replayed(
     assert rows[plans[0].label]["delta"] == -1.0
     assert hijack("bench", "--plans", worst, "--dry-run") == 2
     assert "score it with hijack score" in capsys.readouterr().err
+    plan_set = replace(read_plan_set(worst), search={"seed": 7})
+    plan_set.write(worst)
+    out = tmp_path / "seeded"
+    assert hijack("score", dataset, "--plans", worst, "--agent", agent, "-o", out) == 0
+    assert json.loads((out / "run.json").read_text())["config"]["plans"]["seed"] == 7
+
+
+@pytest.mark.parametrize("option", ["--limit", "--workers"])
+def test_options_for_rows_are_not_for_live_searches(option: str, capsys: Any) -> None:
+    words = ["search", "embedded_small", "--agent", "oracle", "--budget", 9, "--dry-run"]
+    assert hijack(*words, option, 2) == 2
+    assert f"{option} is for the rows of a dataset; leave it out" in capsys.readouterr().err
+
+
+def test_halves_of_the_rows_are_apart_and_hidden_targets_count_for_nothing(
+    dataset: Path, agent: str, tmp_path: Path
+) -> None:
+    search_rows, held_out, everything = (
+        {row["trajectory_id"] for _, row in PlannedRows(dataset, {"clean": None}, 0, part).heads()}
+        for part in ("search", "held_out", "all")
+    )
+    assert search_rows.isdisjoint(held_out)
+    assert search_rows | held_out == everything
+    settings = ScoreSettings(dataset=dataset, agents=override(Bench(), agent=agent).agents)
+    player = players.RowPlayer(settings, 0, (200, 320), tmp_path / "out")
+    hidden = hj.Marks(number=300, mark_size=24)
+    losses = player.losses("round-001", {"h": hidden, "m": hj.Marks(number=1)}, held_out=False)
+    assert {label: len(values) for label, values in losses.items()} == {"h": 0, "m": player.cases}
+
+
+@pytest.mark.usefixtures("no_waiting")
+def test_a_live_search_confirms_on_later_seeds(tmp_path: Path, monkeypatch: Any) -> None:
+    for registry in (PROVIDERS, TASKS):
+        monkeypatch.setattr(registry, "entries", dict(registry.entries))
+    PROVIDERS.add(provider, "paper")
+    TASKS.add(PressOk)
+    monkeypatch.setattr(PaperDesktop, "settle", Settle(quiet=0, cap=0), raising=False)
+    config = tmp_path / "bench.yaml"
+    config.write_text(
+        "desktop: {provider: paper, size: [320, 240]}\ntasks: [press_ok]\nagents: [oracle]\n"
+        "corruptions: [clean]\nseeds: [0, 3]\nmax_steps: 4\n"
+    )
+    player = players.LivePlayer(load_bench(config), tmp_path / "out", desktops=1)
+    lost = {"lost": hj.make_corruption("missed_input", step=0)}
+    assert player.losses("round-001", lost, held_out=False) == {"lost": [1.0, 1.0]}
+    assert player.losses("confirmation", lost, held_out=True) == {"lost": [1.0, 1.0]}
+    rounds = {
+        name: reading.read(tmp_path / "out" / "rounds" / name).records
+        for name in ("round-001", "confirmation")
+    }
+    assert {record["seed"] for record in rounds["round-001"]} == {0, 3}
+    assert {record["seed"] for record in rounds["confirmation"]} == {4, 5}
+    assert [record["score"] for record in rounds["confirmation"]].count(1.0) == 2, "clean again"
 
 
 def test_planned_rows_are_those_of_a_build(dataset: Path, tmp_path: Path) -> None:

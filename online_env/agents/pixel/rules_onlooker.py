@@ -10,7 +10,9 @@ after that the agent is only reminded.
 | a dialog that says that a program does not respond | clicks the button that waits |
 | all windows went at once, and the panel has their buttons | clicks the button of the last one |
 | a window that came while the agent waited or typed | closes it by its button in the panel |
-| a click or typed text changed nothing | waits up to three times; clicks again, or reminds |
+| a click, drag or typed text changed nothing | waits up to three times; clicks again, or reminds |
+
+Keys are left to the agent: many change no picture (Ctrl+C), and a second Enter or Delete may harm.
 """
 
 from collections.abc import Mapping, Sequence

@@ -69,9 +69,10 @@ class AgentLabReader:
 
 def _experiments(source: Path) -> Iterator[Path]:
     """Yield the folders of experiments, without those that AgentLab hides."""
-    for path in source.rglob(ARGUMENTS):
-        if not path.parent.name.startswith(("_", ".")):
-            yield path.parent
+    folders = {path.parent: None for name in (ARGUMENTS, SUMMARY) for path in source.rglob(name)}
+    for folder in folders:
+        if not folder.name.startswith(("_", ".")):
+            yield folder
 
 
 def _parse_name(folder: Path) -> tuple[str, str, int]:

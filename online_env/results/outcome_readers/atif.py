@@ -13,7 +13,7 @@ from hijack_data.plan import CLEAN
 
 from ..outcome_formats import AMOUNTS, FIELDS
 from ..outcomes import EpisodeOutcome, OutcomeError
-from .result_folders import check_score, field, head, read_object, sum_amounts
+from .result_folders import check_score, field, has_keys, head, read_object, sum_amounts
 
 _VERSIONS = frozenset(f"ATIF-v1.{minor}" for minor in range(9))
 _NONE = type(None)
@@ -47,9 +47,10 @@ class AtifReader:
                 " keys of its extra with --columns task=KEY,score=KEY, or give the folder of the"
                 " Harbor job, which has the rewards"
             )
-        paths = sorted(filter(is_atif, source.glob("*.json"))) if source.is_dir() else [source]
+        paths = sorted(source.glob("*.json")) if source.is_dir() else [source]
         for path in paths:
-            yield _outcome(path, columns)
+            if path == source or has_keys(path, "schema_version", "steps"):
+                yield _outcome(path, columns)
 
 
 def is_atif(path: Path) -> bool:
@@ -100,9 +101,9 @@ def _outcome(path: Path, columns: Mapping[str, str]) -> EpisodeOutcome:
         name: field(trajectory, path, "extra", key, kind=(str, int, float, _NONE))
         for name, key in columns.items()
     }
-    task = values["task"]
-    if task is None or task == "":
-        raise OutcomeError(f"{path}: extra.{columns['task']} names no task")
+    for name in ("task", "condition", "agent"):
+        if name in columns and values[name] in (None, ""):
+            raise OutcomeError(f"{path}: extra.{columns[name]} names no {name}")
     seed = values.get("seed")
     if seed is not None and not isinstance(seed, int):
         raise OutcomeError(f"{path}: the seed {short_repr(seed)} is no whole number")
@@ -115,9 +116,9 @@ def _outcome(path: Path, columns: Mapping[str, str]) -> EpisodeOutcome:
         name: sum_amounts(extra, path, columns[name]) for name in AMOUNTS if name in columns
     }
     return EpisodeOutcome(
-        agent=str(values.get("agent") or (f"{agent} ({model})" if model else agent)),
-        task=str(task),
-        condition=str(values.get("condition") or CLEAN),
+        agent=str(values.get("agent", f"{agent} ({model})" if model else agent)),
+        task=str(values["task"]),
+        condition=str(values.get("condition", CLEAN)),
         score=score,
         seed=seed,
         problem="" if score is not None else f"extra.{columns['score']} is null",

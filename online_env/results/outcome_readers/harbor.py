@@ -8,9 +8,18 @@ from hijack_data.errors import shorten_list, suggest
 
 from ..outcomes import EpisodeOutcome, OutcomeError
 from .atif import is_atif, read_trajectory, trajectory_amounts
-from .result_folders import check_score, field, find_condition, head, read_object, sum_amounts
+from .result_folders import (
+    check_score,
+    field,
+    find_condition,
+    has_keys,
+    head,
+    read_object,
+    sum_amounts,
+)
 
 RESULT = "result.json"
+CONFIG = "config.json"
 _TRAJECTORY = ("agent", "trajectory.json")  # below the folder of a trial
 _VERSIONS = (None, 1)  # of the document; files without one are of the first
 _MAX_DEPTH = 3  # of a trial below the source: jobs/JOB/TRIAL
@@ -54,6 +63,7 @@ class HarborReader:
         Raises:
             OutcomeError: a result has another form.
         """
+        _check_ended(source)
         for path in sorted(_trials(source)):
             yield _outcome(source, path, columns)
 
@@ -62,9 +72,23 @@ def _trials(source: Path) -> Iterator[Path]:
     """Yield the results of trials; those of jobs have other fields."""
     for depth in range(_MAX_DEPTH):
         for path in source.glob("*/" * depth + RESULT):
-            start = head(path)
-            if b'"task_name"' in start and b'"trial_name"' in start:
+            if has_keys(path, "task_name", "trial_name"):
                 yield path
+
+
+def _check_ended(source: Path) -> None:
+    """Check that every trial has a result.
+
+    Raises:
+        OutcomeError: one has none; what it says of its agent and task has another form.
+    """
+    for depth in range(_MAX_DEPTH):
+        for path in sorted(source.glob("*/" * depth + CONFIG)):
+            if not (path.parent / RESULT).exists() and b'"trial_name"' in head(path):
+                raise OutcomeError(
+                    f"{path.parent}: is a trial without {RESULT}, which did not end; let Harbor"
+                    " finish the job, or remove the folder"
+                )
 
 
 def _outcome(source: Path, path: Path, columns: Mapping[str, str]) -> EpisodeOutcome:

@@ -28,8 +28,8 @@ _KEYS: Mapping[str, Sequence[str]] = {
 class InspectReader:
     """Reads logs of Inspect; an agent is a model, a task a sample, and epochs repeat it.
 
-    A sample that ended with an error, or that was not scored, has no outcome. Steps are turns;
-    tokens and cost are those of the evaluated model, without the models that grade.
+    A sample that ended with an error, that was not scored or is invalidated has no outcome. Steps
+    are turns; tokens and cost are those of the evaluated model, without the models that grade.
     """
 
     fields = ("task", "condition", "agent", "score", "seed")
@@ -66,6 +66,12 @@ class InspectReader:
                 raise OutcomeError(f"{path}: is no log of Inspect ({reason})") from None
             if not log.samples:
                 raise OutcomeError(f"{path}: holds no samples (its status is {log.status})")
+            planned = len(log.eval.dataset.sample_ids or ()) * (log.eval.config.epochs or 1)
+            if log.status != "success" and not 0 < planned <= len(log.samples):
+                raise OutcomeError(
+                    f"{path}: holds {len(log.samples)} of {planned or 'an unknown number of'}"
+                    f" samples (its status is {log.status}); finish it with inspect eval-retry"
+                )
             for sample in log.samples:
                 yield _outcome(path, log, sample, columns)
 
@@ -80,11 +86,14 @@ def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> E
     if seed is None or is_repeated:
         seed = sample.epoch - 1 if seed is None else None  # both: numbered in their order
     task = _value(log, sample, "task", columns, location)
+    agent, condition = (
+        _value(log, sample, name, columns, location) for name in ("agent", "condition")
+    )
     usage = sample.model_usage.get(log.eval.model)
     return EpisodeOutcome(
-        agent=str(_value(log, sample, "agent", columns, location) or log.eval.model),
+        agent=log.eval.model if agent is None else str(agent),
         task=f"{log.eval.task}/{sample.id}" if task is None else str(task),
-        condition=str(_value(log, sample, "condition", columns, location) or CLEAN),
+        condition=CLEAN if condition is None else str(condition),
         score=score,
         seed=seed,
         problem=problem,
@@ -109,14 +118,16 @@ def _value(log: Any, sample: Any, field: str, columns: Mapping[str, str], locati
     """Return what a sample or its log says of a field; `None` if nothing does.
 
     Raises:
-        OutcomeError: the key that was stated is nowhere.
+        OutcomeError: the key that was stated is nowhere, or names nothing.
     """
     mappings = (sample.metadata or {}, log.eval.metadata or {}, log.eval.task_args or {})
     keys = (columns[field],) if field in columns else _KEYS[field]
     for key in keys:
         for mapping in mappings:
-            if key in mapping:
+            if mapping.get(key) not in (None, ""):
                 return mapping[key]
+            if field in columns and key in mapping:
+                raise OutcomeError(f"{location}: {key} names no {field}")
     if field in columns:
         keys_in_log = [key for mapping in mappings for key in mapping]
         raise OutcomeError(
@@ -132,6 +143,8 @@ def _score(sample: Any, scorer: str | None, location: str) -> tuple[float | None
     Raises:
         OutcomeError: there are several scorers and none was chosen, or a value is no score.
     """
+    if sample.invalidation is not None:
+        return None, f"is invalidated: {sample.invalidation.reason or 'no reason'}"[:200]
     if sample.error is not None:
         return None, f"ended with an error: {sample.error.message[:200]}"
     scores = sample.scores or {}

@@ -154,6 +154,28 @@ def sum_amounts(data: Any, path: Path, *keys: str) -> float | None:
     return None if None in values else float(sum(filter(is_amount, values)))
 
 
+def has_keys(path: Path, *keys: str) -> bool:
+    """Return whether a JSON file is an object with some keys.
+
+    Where they are not among its first bytes, the whole file is read: keys have no order.
+
+    Raises:
+        OutcomeError: it is not JSON.
+    """
+    start = head(path)
+    if all(f'"{key}"'.encode() in start for key in keys):
+        return True
+    try:
+        data: object = json.loads(path.read_bytes()) if path.stat().st_size <= MAX_JSON else None
+    except OSError as error:
+        raise OutcomeError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except (ValueError, RecursionError) as error:
+        raise OutcomeError(
+            f"{path}: is not JSON ({str(error)[:120]}); remove it if it is no result"
+        ) from None
+    return isinstance(data, dict) and set(keys) <= set(data)
+
+
 def head(path: Path, size: int = 4096) -> bytes:
     """Return the first bytes of a file; none if it cannot be read."""
     try:

@@ -119,6 +119,23 @@ def check_columns_differ(columns: Mapping[str, str]) -> None:
             )
 
 
+def check_spelling(source: str, header: Sequence[str], column_names: Sequence[str]) -> None:
+    """Check that no column is left out for a capital letter or a space in its name.
+
+    Args:
+        source: the table, for messages.
+        header: the names of all its columns.
+        column_names: those that are read.
+
+    Raises:
+        OutcomeError: one is.
+    """
+    for name in header:
+        plain = str(name).strip().lower()
+        if name not in column_names and plain in column_names and plain not in header:
+            raise OutcomeError(f"{source}: has a column {name!r}; rename it {plain!r}")
+
+
 def read_arrow(table: Any, columns: Mapping[str, str], agent: str) -> Iterator[OutcomeBatch]:
     """Yield the outcomes of a table of pyarrow.
 
@@ -317,6 +334,7 @@ def _csv_rows(source: Path, column_names: Sequence[str]) -> Iterator[_Rows]:
         reader = csv.reader(file, strict=True)
         header = next(reader, [])
         _check_header(source, header)
+        check_spelling(str(source), header, column_names)
         columns = {name: at for at, name in enumerate(header) if name in column_names}
         while batch := [(reader.line_num, row) for row in islice(reader, _BATCH)]:
             numbers = [number for number, row in batch if row]
@@ -356,6 +374,7 @@ def _json_rows(source: Path, column_names: Sequence[str]) -> Iterator[_Rows]:
             rows = [_json_object(source, number, line) for number, line in batch]
             if first is None:
                 first = set(rows[0])
+                check_spelling(str(source), list(rows[0]), column_names)
             columns = {
                 name: [row.get(name) for row in rows] for name in column_names if name in first
             }
@@ -411,6 +430,7 @@ def _parquet_rows(source: Path, column_names: Sequence[str]) -> Iterator[_Rows]:
     try:
         file = parquet.ParquetFile(source)
         _check_header(source, file.schema_arrow.names)
+        check_spelling(str(source), file.schema_arrow.names, column_names)
         columns = [name for name in file.schema_arrow.names if name in column_names]
         start = 1
         for batch in file.iter_batches(_BATCH, columns=columns):
