@@ -173,6 +173,26 @@ def test_pages_that_open_ask_close_and_hide_elements(
     assert len(browser.pages) == 1
 
 
+def test_frames_of_other_sites_are_in_the_tree_and_a_touch_in_one_is_counted(
+    open_html: Callable[[str], BrowserDesktop],
+) -> None:
+    from hijack_data.plan import Effect
+    from online_env.effects import perform
+
+    button = "<button onclick=&quot;this.textContent = 'Pressed'&quot;>Button</button>"
+    frame = f'<iframe sandbox="allow-scripts" srcdoc="{button}"></iframe>'
+    browser = open_html(f"<script>/* no text of the page */</script>{frame}{frame}")
+
+    def names() -> list[str]:
+        return [node.name for node in Hand(browser).look() if node.role == "push-button"]
+
+    assert names() == ["Button", "Button"]
+    assert "no text" not in browser.accessibility()
+    probe = perform(Effect("touch", {}), browser).probe()
+    assert [attempt["delivered"] for attempt in probe.facts["attempts"]] == [True]
+    assert sorted(names()) == ["Button", "Pressed"]
+
+
 def test_a_page_that_crashes_is_an_error_and_a_reset_mends_it(
     site: FolderSite, browser: BrowserDesktop
 ) -> None:
