@@ -409,6 +409,8 @@ def test_tasks_that_are_not_there_are_named(tmp_path: Path) -> None:
 
 
 def test_the_scale_fits_the_screen() -> None:
+    with pytest.raises(ParameterError, match="320x240 pixels or more"):
+        choose_scale((240, 300))
     assert [choose_scale(size) for size in ((720, 960), (1080, 1920), (960, 1280), (300, 400))] == [
         3,
         4,
