@@ -126,11 +126,7 @@ class _Tools:
 
     def keys(self, keys: KeyNames) -> ToolAnswer:
         """Press keys together, such as ["enter"] or ["ctrl", "a"]."""
-        names = [key.lower() for key in keys]
-        for name in names:
-            if len(name) > 1 and name not in NAMED:
-                raise ToolError(f"there is no key {name!r}{suggest(name, NAMED)}")
-        return self._act(action_code("hotkey", *names))
+        return self._act(action_code("hotkey", *map(_check_key, keys)))
 
     def scroll(
         self, x: PixelCoordinate, y: PixelCoordinate, down: WheelClicks = 0, right: WheelClicks = 0
@@ -210,6 +206,18 @@ class _Tools:
                     f"({x}, {y}) is outside of the picture: x is 0 to {width - 1}, y is 0 to"
                     f" {height - 1}"
                 )
+
+
+def _check_key(key: str) -> str:
+    """Return the name of a key in pyautogui's spelling.
+
+    Raises:
+        ToolError: There is no such key.
+    """
+    name = key.lower()
+    if len(name) > 1 and name not in NAMED:
+        raise ToolError(f"there is no key {key!r}{suggest(name, NAMED)}")
+    return name
 
 
 def _image(turn: ClientView) -> Image:
