@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
-from .errors import ConfigError, suggest
+from .errors import ConfigError, shorten_list, suggest
 
 # The folder of an installed package that holds `configs/` of the repository.
 PACKAGE = "hijack_data._configs"
@@ -47,20 +47,22 @@ def read_config(path_or_name: str | os.PathLike[str], folder: str = "") -> tuple
         raise ConfigError([f"{name}: is a folder; give the path of a YAML file"])
     if os.path.lexists(name):
         return name, _read(Path(name), name)
-    raise ConfigError([_unknown(name, sorted(packaged))])
+    first = f"{folder}/"
+    names = sorted(packaged, key=lambda key: (not key.startswith(first), key))
+    raise ConfigError([_unknown(name, names)])
 
 
 def _unknown(name: str, names: list[str]) -> str:
     short_name = name if len(name) <= 100 else name[:100] + "..."
     listed = repr(short_name)
-    packaged = ", ".join(names)
+    packaged = shorten_list(names)
     if name.endswith((".yaml", ".yml")):
         advice = "check the path, or give the name of a packaged one"
         return f"{listed}: no such file; {advice}: {packaged}"
     bare_names = {key.rpartition("/")[2] for key in names}
     close = suggest(name, [*bare_names, *names])
-    advice = close if "did you mean" in close else ""
-    return f"{listed} is neither a file nor a packaged configuration{advice}; packaged: {packaged}"
+    advice = close if "did you mean" in close else f"; packaged: {packaged}"
+    return f"{listed} is neither a file nor a packaged configuration{advice}"
 
 
 def _read(file: Path | Traversable, name: str) -> bytes:

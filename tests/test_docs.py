@@ -5,7 +5,9 @@ import re
 import runpy
 import subprocess
 import sys
+from functools import cache
 from importlib import import_module as load_module
+from pathlib import Path
 
 import pytest
 import yaml
@@ -176,10 +178,25 @@ def test_the_reference_page_is_the_registry():
     "page", PAGES + [ROOT / n for n in ("ARCHITECTURE.md", "CONTRIBUTING.md")], ids=lambda p: p.name
 )
 def test_links_lead_somewhere(page):
-    for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
-        assert "://" in target or (page.parent / target).exists(), (
-            f"{page.name} links to {target}, which is not there"
-        )
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text()):
+        name, _, anchor = target.partition("#")
+        file = page.parent / name if name else page
+        assert "://" in target or file.exists(), f"{page.name} links to {target}: no such file"
+        if anchor and file.suffix == ".md" and "://" not in target:
+            assert anchor in list_anchors(file), f"{page.name} links to {target}: no such heading"
+
+
+@cache
+def list_anchors(page: Path) -> set[str]:
+    """Return the anchors of a page's headings, as GitHub names them."""
+    anchors: set[str] = set()
+    text = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    for title in re.findall(r"^#+ +(.*)", text, re.MULTILINE):
+        words = re.sub(r"\[(.*?)\]\(.*?\)", r"\1", title).lower()
+        anchor = re.sub(r"[^\w -]", "", words).replace(" ", "-")
+        number = sum(re.sub(r"-\d+$", "", other) == anchor for other in anchors)
+        anchors.add(f"{anchor}-{number}" if number else anchor)
+    return anchors
 
 
 def test_every_table_of_the_results_has_a_script():

@@ -28,7 +28,7 @@ from typing import Any
 
 from .. import compose, corruptions, extras
 from ..config import load_config
-from ..corruption import Corruption, corruption_names, find_corruption
+from ..corruption import SETS, Corruption, corruption_names, find_corruption
 from ..errors import ParameterError, ParameterTypeError, suggest
 from ..plan import Plan
 from ..planner import Planner
@@ -342,12 +342,15 @@ def __getattr__(name: str) -> Any:
     Raises:
         AttributeError: always.
     """
-    if name in {find_corruption(corruption).__name__ for corruption in corruption_names()}:
+    names = [name for kind in ("all", *SETS) for name in corruption_names(kind)]
+    cls = {cls.__name__: cls for cls in map(find_corruption, names)}.get(name)
+    if cls is not None:
+        changed = "agent's input" if cls.scope == "action" else "machine"
+        reason = f"it changes the {changed}, not the picture"
         advice = (
             "build a dataset with it (hijack build), or wrap a corruption of your own that draws:"
             " Corrupt(planner)"
         )
-        reason = "it changes the machine, not the picture"
         raise AttributeError(f"hijack_data.transforms has no {name}: {reason}; {advice}")
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}{suggest(name, __all__)}")
 

@@ -6,6 +6,7 @@ from typing import Any, cast
 
 import gymnasium
 import numpy as np
+from gymnasium.error import ResetNeeded
 
 from hijack_data import apply
 from hijack_data.coords import CoordMap
@@ -121,6 +122,7 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._script: Script | None = None
         self._coords: CoordMap | None = None
         self._step = 0
+        self._has_begun = False  # whether steps are of an episode with all that was planned
         self._digests: list[str] = []
 
     @property
@@ -143,6 +145,7 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
             EffectError: The corruption has no meaning on this task; the message has the reason.
             ParameterError: The screen is too small for it.
         """
+        self._has_begun = False
         self._end()
         self._step = 0
         self._digests = []
@@ -165,20 +168,27 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._script = script
         self._effects = EpisodeEffects(self._browser, self._password)
         before = self._inject(script.plan(BEFORE), BEFORE)
-        return self._observe(observation, is_old=before), info
+        observation = self._observe(observation, is_old=before)
+        self._has_begun = True
+        return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
-        """Take an action, in pixels of the screenshot that the agent sees."""
-        if self._browser is not None:
-            self._browser.acted = True
+        """Take an action, in pixels of the screenshot that the agent sees.
+
+        Raises:
+            ResetNeeded: `reset` or an earlier step has failed, or there was no `reset`.
+            EffectError: An effect does not hold; the episode is over.
+        """
+        if not self._has_begun or self._browser is None:
+            raise ResetNeeded("the corrupted episode has not begun, or has failed: call reset")
+        self._has_begun = False  # in case of an error
+        self._browser.acted = True
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._step += 1
-        if self._browser is not None and not (terminated or truncated):
-            self._resize(observation)
-            observation = self._observe(observation)
-        elif self._script is not None:
-            self._resize(observation)
-            observation = self._corrupt(observation)
+        self._resize(observation)
+        is_over = terminated or truncated
+        observation = self._corrupt(observation) if is_over else self._observe(observation)
+        self._has_begun = True
         return observation, reward, terminated, truncated, info
 
     def close(self) -> None:
@@ -190,10 +200,10 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
     # Inside
 
     def _end(self) -> None:
-        if self._effects is not None and self._browser is not None:
+        browser, self._browser, self._script = self._browser, None, None
+        if self._effects is not None and browser is not None:
             self._effects.undo()
-            self._browser.close()
-        self._browser = self._script = None
+            browser.close()
 
     def _resize(self, observation: dict[str, Any]) -> None:
         """Follow the size of the pictures: BrowserGym enlarges those of some pages only."""

@@ -1,6 +1,7 @@
 """A port of this machine that relays DevTools clients to a Chromium, and knows when they go."""
 
 import contextlib
+import re
 import socket
 import threading
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from socketserver import BaseRequestHandler, ThreadingTCPServer
 HOST = "127.0.0.1"
 CHUNK_BYTES = 1 << 16
 _MAX_HEAD_BYTES = 1 << 16
+_UPGRADE = re.compile(rb"^upgrade:[ \t]*websocket", re.I | re.M)
 
 
 class CdpRelay:
@@ -59,11 +61,11 @@ class CdpRelay:
     def _relay(self, client: socket.socket) -> None:
         head = b""
         while b"\r\n\r\n" not in head and len(head) < _MAX_HEAD_BYTES:
-            data = client.recv(CHUNK_BYTES)
+            data = _receive(client)
             if not data:
                 return
             head += data
-        is_session = b"upgrade: websocket" in head.lower()
+        is_session = _UPGRADE.search(head) is not None
         if is_session:
             with self._lock:
                 self._clients += 1
@@ -84,10 +86,18 @@ class CdpRelay:
                         self.clients_left.set()
 
 
+def _receive(source: socket.socket) -> bytes:
+    """Return the next bytes; none at the end, also where the other side broke off."""
+    try:
+        return source.recv(CHUNK_BYTES)
+    except OSError:
+        return b""
+
+
 def _copy(source: socket.socket, target: socket.socket) -> None:
     """Copy bytes until one side ends, then end both."""
     with contextlib.suppress(OSError):
-        while data := source.recv(CHUNK_BYTES):
+        while data := _receive(source):
             target.sendall(data)
     for end in (source, target):
         with contextlib.suppress(OSError):

@@ -52,8 +52,11 @@ _FLAGS = (
     "--disable-sync",
     "--disable-backgrounding-occluded-windows",
     "--disable-renderer-backgrounding",
+    # Frames of other sites stay in the page's process: its tree, and being offline, include them.
+    "--disable-site-isolation-trials",
     # Sites of this machine are like others.
-    "--disable-features=Translate,MediaRouter,OptimizationHints,LocalNetworkAccessChecks",
+    "--disable-features=Translate,MediaRouter,OptimizationHints,LocalNetworkAccessChecks,"
+    "IsolateOrigins,site-per-process",
     "--font-render-hinting=none",
     "--force-color-profile=srgb",
     "--lang=en-US",

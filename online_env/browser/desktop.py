@@ -6,7 +6,7 @@ import io
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Any, ClassVar, NoReturn, cast
+from typing import Any, ClassVar, NoReturn
 
 import numpy as np
 from PIL import Image
@@ -90,9 +90,8 @@ class BrowserDesktop(BrowserSession):
 
     def read_tree(self, page: BrowserPage, scale: float) -> str:
         """The accessibility tree of a page, with `scale` pixels for each CSS pixel."""
-        frames = _frame_ids(self.call("Page.getFrameTree", page)["frameTree"])
         nodes: list[Mapping[str, Any]] = []
-        for frame in frames:
+        for frame in self.frame_ids(page):
             nodes += self.call("Accessibility.getFullAXTree", page, frameId=frame)["nodes"]
         snapshot = self.call("DOMSnapshot.captureSnapshot", page, computedStyles=["visibility"])
         return page_tree(snapshot, nodes, self.title(page), scale)
@@ -146,14 +145,6 @@ class BrowserDesktop(BrowserSession):
         """
         config = task or {}
         self.begin(str(config.get("url", "")), tuple(config.get("scripts", ())))
-
-
-def _frame_ids(tree: Mapping[str, Any]) -> list[str]:
-    """Return the ids of a page's frames, the main frame first."""
-    ids = [str(tree["frame"]["id"])]
-    for child in cast("Sequence[Mapping[str, Any]]", tree.get("childFrames", ())):
-        ids += _frame_ids(child)
-    return ids
 
 
 def _refuse(operation: str) -> NoReturn:

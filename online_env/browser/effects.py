@@ -7,7 +7,7 @@ probes ask Chromium, or look at a page from an isolated world that its code cann
 import json
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 from hijack_data.rng import Stream
 
@@ -26,7 +26,7 @@ _FETCH = (
 _ERROR_CODE = "document.querySelector('.error-code')?.textContent || 'error page'"
 IS_HIDDEN = "document.visibilityState === 'hidden'"
 IS_WALL = f"!!document.querySelector('form#{SIGN_IN} input[type=password]')"
-# Counts, in our own world, the clicks that the browser itself delivered, and where the last was.
+# Notes, in our own world, the clicks that the browser itself delivered, and where they were.
 _WATCH = """(() => { const seen = globalThis.clicks = []; addEventListener('click', event => {
 if (event.isTrusted) seen.push([event.clientX, event.clientY]); }, true); })()"""
 
@@ -138,10 +138,12 @@ class ClickElement(LiveEffect):
                 break
             elements.remove(element)
             page = browser.front
-            browser.examine(_WATCH, page)
+            frames = browser.frame_ids(page)
+            for frame in frames:
+                browser.examine(_WATCH, page, frame)
             browser.input.move(element.centre)
             browser.input.click()
-            delivered = page in browser.pages and _was_clicked(browser, page)
+            delivered = page in browser.pages and _was_clicked(browser, page, frames)
             attempt = {
                 "element": element.to_data(),
                 "point": list(element.centre),
@@ -319,7 +321,10 @@ def _failed_url(browser: BrowserSession, page: BrowserPage) -> str:
     return str(frame.get("unreachableUrl", ""))
 
 
-def _was_clicked(browser: BrowserSession, page: BrowserPage) -> bool:
-    """Return whether the page got a click since it is watched; a page that changed did."""
-    clicks = browser.examine("globalThis.clicks", page)
-    return clicks is None or len(cast("Sequence[object]", clicks)) > 0
+def _was_clicked(browser: BrowserSession, page: BrowserPage, frames: Sequence[str]) -> bool:
+    """Return whether one of a page's frames got a click since; a frame that changed did."""
+    remaining = browser.frame_ids(page)
+    return any(
+        frame not in remaining or browser.examine("globalThis.clicks?.length", page, frame) != 0
+        for frame in frames
+    )

@@ -4,7 +4,7 @@ The code of an agent is read by the grammar of `hijack_data.actions` and never r
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias, cast
 
 from hijack_data.actions.pyautogui_functions import KEYBOARD, POINTER
@@ -12,13 +12,15 @@ from hijack_data.actions.pyautogui_grammar import PyautoguiCall
 from hijack_data.errors import ActionError
 from hijack_data.types import Point, Size
 
-# Sends an input event, such as `send("Input.insertText", text="ß")`, and waits until the page has
-# handled it.
-SendInput: TypeAlias = Callable[..., None]
+# An input event: a method, such as `Input.insertText`, and its parameters.
+InputEvent: TypeAlias = tuple[str, dict[str, Any]]
+# Sends events, and waits until the page has handled them all.
+SendInput: TypeAlias = Callable[[Sequence[InputEvent]], None]
 Shortcut: TypeAlias = Callable[[frozenset[str], str], bool]
 
 MAX_SLEEP_S = 60.0
 WHEEL_PIXELS = 53  # CSS pixels of one click of the wheel, as in Chromium on Linux
+MAX_EVENTS = 32  # of characters, sent at once: a page that opens another one gets them all
 DRAG_MOVES = 10  # moves of the pointer between the ends of a drag
 _BUTTONS = {"left": 1, "primary": 1, "right": 2, "secondary": 2, "middle": 4}
 _NAMES = {1: "left", 2: "right", 4: "middle"}
@@ -93,7 +95,7 @@ class InputDevices:
     """The pointer and the keyboard of one browser; buttons and keys stay down between actions.
 
     Args:
-        send: Sends an event to the page in front.
+        send: Sends events to the page in front.
         shortcut: Carries out a shortcut of the browser itself; whether there is one for these keys.
         size: `(height, width)` of the screen in pixels.
         scale: Pixels of the screen for each CSS pixel.
@@ -198,18 +200,24 @@ class InputDevices:
     def _mouse(self, kind: str, **fields: Any) -> None:
         x, y = ((value + 0.5) / self._scale for value in self.position)
         fields |= {"x": x, "y": y, "buttons": self._down, "modifiers": self._modifier_bits()}
-        self._send("Input.dispatchMouseEvent", type=kind, **fields)
+        self._send([("Input.dispatchMouseEvent", {"type": kind, **fields})])
 
     # Keyboard
 
     def type(self, text: str) -> None:
         """Type a text where the focus is; what no key of a US keyboard types is inserted."""
+        events: list[InputEvent] = []
         for character in text:
-            name = _ALIASES.get(character, character)
-            if name in _KEYS or character.isascii():
-                self.press(name)
-            else:
-                self._send("Input.insertText", text=character)
+            is_held = bool(self._modifiers - {"shift"})
+            is_key = character.isascii() and (is_held or not character.isprintable())
+            if not is_key:
+                events += self._typing_events(character)
+            if is_key or len(events) >= MAX_EVENTS:
+                self._send(events)
+                events = []
+            if is_key:
+                self.press(character)
+        self._send(events)
 
     def press(self, name: str) -> None:
         """Press and release a key."""
@@ -248,19 +256,19 @@ class InputDevices:
             self._modifiers.add(key)
         elif self._shortcut(frozenset(self._modifiers), key):
             return False
-        if self._modifiers - {"shift"}:
-            text = ""
-        kind = "keyDown" if text else "rawKeyDown"
-        self._send(
-            "Input.dispatchKeyEvent", type=kind, **fields, **({"text": text} if text else {})
-        )
+        self._send([_down_event(fields, "" if self._modifiers - {"shift"} else text)])
         return True
 
     def _key_up(self, name: str) -> None:
         fields, _, key = self._key(name)
         self._modifiers.discard(key)
-        fields["modifiers"] = self._modifier_bits()
-        self._send("Input.dispatchKeyEvent", type="keyUp", **fields)
+        self._send([_up_event(fields, self._modifier_bits())])
+
+    def _typing_events(self, character: str) -> list[InputEvent]:
+        if not character.isascii():
+            return [("Input.insertText", {"text": character})]
+        fields, text, _ = self._key(character)
+        return [_down_event(fields, text), _up_event(fields, self._modifier_bits())]
 
     def _key(self, name: str) -> tuple[dict[str, Any], str, str]:
         """Return the fields of a key's event, what it types, and its one name.
@@ -297,6 +305,15 @@ class InputDevices:
 
     def _modifier_bits(self) -> int:
         return sum(_MODIFIERS[name] for name in self._modifiers)
+
+
+def _down_event(fields: dict[str, Any], text: str) -> InputEvent:
+    typed = {"type": "keyDown", "text": text} if text else {"type": "rawKeyDown"}
+    return "Input.dispatchKeyEvent", {**typed, **fields}
+
+
+def _up_event(fields: dict[str, Any], modifiers: int) -> InputEvent:
+    return "Input.dispatchKeyEvent", {**fields, "type": "keyUp", "modifiers": modifiers}
 
 
 def _pair(values: dict[str, Any], first: str, second: str) -> tuple[Any, Any]:

@@ -244,7 +244,16 @@ class MiniwobTasks(TaskHolder):
 
 
 def choose_scale(size: Size) -> int:
-    """Return the largest device pixel ratio at which a screen of `size` holds a page."""
+    """Return the largest device pixel ratio at which a screen of `size` holds a page.
+
+    Raises:
+        ParameterError: The screen is too small for any page.
+    """
+    if size[0] < LEAST_VIEW[0] or size[1] < LEAST_VIEW[1]:
+        raise ParameterError(
+            f"a page of MiniWoB++ needs a screen of {LEAST_VIEW[1]}x{LEAST_VIEW[0]} pixels or more,"
+            f" and this one has {size[1]}x{size[0]}"
+        )
     scales = [
         scale
         for scale in range(1, MAX_SCALE + 1)
@@ -253,7 +262,7 @@ def choose_scale(size: Size) -> int:
             for side, least in zip(size, LEAST_VIEW, strict=True)
         )
     ]
-    return max(scales, default=1)
+    return max(scales)
 
 
 def open_miniwob(size: Size, task: str | Task = "") -> MiniwobTasks:
@@ -263,9 +272,10 @@ def open_miniwob(size: Size, task: str | Task = "") -> MiniwobTasks:
         size: `(height, width)` of the screen in pixels.
         task: The task of a `reset` that names none.
     """
+    scale = choose_scale(size)
     site = FolderSite(HOST)
     try:
-        desktop = BrowserDesktop.up(size, choose_scale(size), site.arguments)
+        desktop = BrowserDesktop.up(size, scale, site.arguments)
     except BaseException:
         site.close()
         raise

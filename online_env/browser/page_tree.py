@@ -155,8 +155,8 @@ def _read_nodes(snapshot: Mapping[str, Any]) -> list[_Node]:
             x, y, *_ = document_nodes[index].box or (0.0, 0.0)
             offsets[inner] = (x, y)
         nodes += document_nodes
-    for node in nodes:  # an element's text is that of all nodes inside
-        above = node.parent if node.text.strip() else None
+    for node in nodes:  # an element's text is what the page draws inside, which no script is
+        above = node.parent if node.text.strip() and node.box is not None else None
         while above is not None and len(above.text) < 200:
             above.text += f" {node.text}"
             above = above.parent

@@ -1,6 +1,6 @@
 """`PlaywrightBrowser`: the browser of somebody else's Playwright, as effects and plans need it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from types import MappingProxyType
 from typing import Any, cast
@@ -14,7 +14,7 @@ from .cover_pages import SHOW, cover_page, sign_in_page
 from .desktop import BrowserDesktop
 from .devtools import DevToolsError
 from .effects import BROWSER_EFFECTS, HideWindow, OtherWindow
-from .input_devices import InputDevices
+from .input_devices import InputDevices, InputEvent
 from .session import BrowserPage, _network
 
 LOAD_TIMEOUT_MS = 15_000
@@ -202,8 +202,9 @@ class PlaywrightBrowser(BrowserDesktop):
             self._known[page] = PlaywrightPage(page)
         return self._known[page]
 
-    def _send_input(self, method: str, **params: Any) -> None:
-        self.call(method, **params)
+    def _send_input(self, events: Sequence[InputEvent]) -> None:
+        for method, params in events:
+            self.call(method, **params)
 
     def _show_from_cover(self, source: Mapping[str, Any], target: str = "") -> None:
         """Answer a click on a button of our pages; called by Playwright."""

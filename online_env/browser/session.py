@@ -16,7 +16,7 @@ from ..errors import DesktopError, MissingPackageError
 from .chromium import OLDEST, Chromium
 from .cover_pages import SHOW, cover_page, sign_in_page
 from .devtools import DevTools, DevToolsError
-from .input_devices import InputDevices
+from .input_devices import InputDevices, InputEvent
 
 LOAD_TIMEOUT_S = 15.0  # for a page to load
 DOCUMENT_CHANGE_S = 0.1  # in which another document takes the place of one
@@ -235,17 +235,30 @@ class BrowserSession:
         Raises:
             DesktopError: It raises an error.
         """
-        return self._value(expression, page or self.front, isolated=False)
+        return self._value(expression, page or self.front)
 
-    def examine(self, expression: str, page: BrowserPage | None = None) -> Any:
+    def examine(self, expression: str, page: BrowserPage | None = None, frame: str = "") -> Any:
         """Return the value of an expression in our own world of a page, whose code cannot reach it.
+
+        Args:
+            expression: JavaScript.
+            page: By default the one in front.
+            frame: The id of a frame; by default the page's own.
 
         Raises:
             DesktopError: It raises an error.
         """
-        return self._value(expression, page or self.front, isolated=True)
+        page = page or self.front
+        return self._value(expression, page, frame or page.target)
 
-    def _value(self, expression: str, page: BrowserPage, *, isolated: bool) -> Any:
+    def frame_ids(self, page: BrowserPage) -> list[str]:
+        """Return the ids of a page's frames, the page's own first."""
+        trees = [self.call("Page.getFrameTree", page)["frameTree"]]
+        for tree in trees:
+            trees += tree.get("childFrames", ())
+        return [str(tree["frame"]["id"]) for tree in trees]
+
+    def _value(self, expression: str, page: BrowserPage, frame: str = "") -> Any:
         """Return the value of an expression; ask once more if another document took over.
 
         Raises:
@@ -256,8 +269,8 @@ class BrowserSession:
         while True:
             params: dict[str, Any] = {"expression": expression, "awaitPromise": True}
             try:
-                if isolated:
-                    world = {"frameId": page.target, "worldName": _WORLD}
+                if frame:
+                    world = {"frameId": frame, "worldName": _WORLD}
                     isolated_world = self.call("Page.createIsolatedWorld", page, **world)
                     params["contextId"] = isolated_world["executionContextId"]
                 result = self.call("Runtime.evaluate", page, returnByValue=True, **params)
@@ -390,19 +403,22 @@ class BrowserSession:
                 " newer Chromium, or name one by AGENTHIJACK_CHROMIUM=PATH"
             )
 
-    def _send_input(self, method: str, **params: Any) -> None:
-        """Send an input event to the page in front.
+    def _send_input(self, events: Sequence[InputEvent]) -> None:
+        """Send input events to the page in front.
 
         Raises:
             DesktopError: The page does not answer, although it is still there.
         """
         page = self.front
+        for method, params in events[:-1]:
+            self._devtools.send(method, page.session, **params)
         try:
-            self.call(method, page, **params)
+            for method, params in events[-1:]:
+                self.call(method, page, **params)
         except DesktopError:
             if page in self.pages:
                 raise
-            # The event has closed the page.
+            # An event has closed the page.
 
     def _shortcut(self, modifiers: frozenset[str], key: str) -> bool:
         """Carry out a shortcut of the browser's own; return whether there is one."""
@@ -489,6 +505,8 @@ class BrowserSession:
         elif method == "Inspector.targetCrashed":
             page.problem = "the page has crashed"
             self._devtools.fail_session(session, page.problem)
+        elif method == "Inspector.targetReloadedAfterCrash":
+            page.problem = ""
         elif method == "Runtime.bindingCalled" and params["name"] == SHOW and page.is_cover:
             if params["payload"]:
                 self._raise(params["payload"])

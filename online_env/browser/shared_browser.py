@@ -4,8 +4,9 @@ import os
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from hijack_data.elements.interactive_nodes import boxes_from_tree
 from hijack_data.errors import ParameterError
@@ -80,6 +81,8 @@ class SharedBrowser(BrowserDesktop):
         self._seed = seed
         self._is_ready = threading.Event()
         self._documents: dict[str, _Document] = {}
+        self._problems: dict[str, str] = {}  # by target: what was said last
+        self._pings: dict[str, Future[dict[str, Any]]] = {}  # of pages that have not answered yet
         self._is_applied = False
         self._check(self._plan(size))
         try:
@@ -104,6 +107,8 @@ class SharedBrowser(BrowserDesktop):
             DesktopError: It does not come up.
         """
         self._documents.clear()
+        self._problems.clear()
+        self._pings.clear()
         self._is_applied = False
         deadline = time.monotonic() + LOAD_TIMEOUT_S
         while not self.pages or not self._chromium.read_port():
@@ -146,16 +151,32 @@ class SharedBrowser(BrowserDesktop):
                 self._restart()
                 yield "the client has gone; the next one begins with a fresh profile"
             if not self._devtools.is_open:
+                if self._relay.clients_left.wait(LOOK_EVERY_S * 20):
+                    continue  # a client has ended Chromium
                 raise DesktopError(self._chromium.explain_end())
             for page in self.pages:
-                if page.is_loading or page.is_cover or page.problem:
+                if page.is_loading or page.is_cover or page.problem or not self._answers(page):
                     continue
                 try:
                     yield from self._corrupt(page)
+                    self._problems.pop(page.target, None)
                 except DesktopError as error:
-                    if page in self.pages and not page.is_loading:
-                        yield f"{page.target}: {error}"
+                    problem = str(error)
+                    is_new = problem != self._problems.get(page.target)
+                    if is_new and page in self.pages and not page.is_loading:
+                        self._problems[page.target] = problem
+                        yield f"{page.target}: {problem}"
             time.sleep(LOOK_EVERY_S)
+
+    def _answers(self, page: BrowserPage) -> bool:
+        """Return whether a page answers, without waiting for one that hangs or shows a dialog."""
+        answer = self._pings.pop(page.target, None)
+        if answer is None:
+            answer = self._devtools.send("Runtime.evaluate", page.session, expression="0")
+            wait([answer], LOOK_EVERY_S)
+        if not answer.done():
+            self._pings[page.target] = answer
+        return answer.done()
 
     def _restart(self) -> None:
         self._disconnect()
@@ -207,7 +228,11 @@ class SharedBrowser(BrowserDesktop):
             raise ParameterError(f"{plan.corruption}: {reason}")
 
     def _corrupt(self, page: BrowserPage) -> Iterator[str]:
-        """Corrupt a page that has loaded, unless that was done."""
+        """Corrupt a page that has loaded, unless that was done.
+
+        Raises:
+            DesktopError: The page cannot hold what the plan pastes, or does not answer.
+        """
         if self._planner is None or not str(self.examine("location.href", page)).startswith("http"):
             return
         if self.is_walled and not self.examine(IS_WALL, page):
@@ -232,6 +257,6 @@ class SharedBrowser(BrowserDesktop):
             document = self._documents.setdefault(page.target, _Document(page, PageLayer(self)))
             problem = document.layer.draw(plan, page, ratio)
             if problem:
-                yield f"{page.target}: {problem}"
-            elif is_new:
+                raise DesktopError(problem)
+            if is_new:
                 yield f"{plan.corruption} is drawn into every page of tab {page.target}"

@@ -159,7 +159,7 @@ class McpEpisode:
         bench = options.bench
         planner = bench.planners[job.corruption]
         with open_stage(bench, options.folder) as stage:
-            check_corruptions([planner], bench.max_steps, stage.desktop)
+            check_corruptions([planner], bench.max_steps, stage.desktop, bench.layer)
             self.client.desktop = stage.desktop
             settle = getattr(stage.desktop, "settle", Settle())
             settings = replace(bench.settings(job.agent, options.folder), settle=settle)

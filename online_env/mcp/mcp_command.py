@@ -9,12 +9,15 @@ import time
 from pathlib import Path
 
 import click
+from click.core import ParameterSource
 
 from hijack_data import extras
 from hijack_data.cli.completion import complete
 from hijack_data.cli.options import BriefCommand, seed_option
 from hijack_data.cli.terminal import echo
+from hijack_data.errors import UnknownNameError
 
+from ..choices import LAYERS, DrawingLayer
 from ..serving.client_options import client_options
 
 MODULES = ("mcp", "starlette", "uvicorn", "gymnasium")
@@ -22,7 +25,9 @@ DEFAULT_TASKS = {"embedded": "write_note", "browser": "miniwob/click-test-2.html
 DEFAULT_SIZES = {"embedded": "1280x720", "browser": "960x720"}
 
 
-@click.command(cls=BriefCommand, more=("host", "lease", "max_steps", "name", "size", "token_file"))
+@click.command(
+    cls=BriefCommand, more=("host", "layer", "lease", "max_steps", "name", "size", "token_file")
+)
 @click.option(
     "--desktop/--browser",
     "is_desktop",
@@ -72,6 +77,13 @@ DEFAULT_SIZES = {"embedded": "1280x720", "browser": "960x720"}
     help="Actions until the episode is cut off.",
 )
 @click.option("--size", metavar="WIDTHxHEIGHT", help="Of the screen.")
+@click.option(
+    "--layer",
+    type=click.Choice(LAYERS),
+    default="picture",
+    show_default=True,
+    help="Who draws pop-ups, marks and subtitles: we on the picture, or a browser in its page.",
+)
 def mcp(
     is_desktop: bool | None,
     task: str | None,
@@ -86,6 +98,7 @@ def mcp(
     name: str,
     max_steps: int,
     size: str | None,
+    layer: DrawingLayer,
     lease: float,
 ) -> None:
     """Let any MCP client play one corrupted, scored episode.
@@ -95,8 +108,12 @@ def mcp(
     extras.require("hijack mcp", "mcp", MODULES)
     if is_desktop is None:
         raise click.UsageError("give --desktop or --browser")
-    if port is None and token_file is not None:
-        raise click.UsageError("--token-file is for HTTP: give --port, too")
+    context = click.get_current_context()
+    for option in ("token_file", "host"):
+        is_set = context.get_parameter_source(option) is not ParameterSource.DEFAULT
+        if port is None and is_set:
+            name = f"--{option.replace('_', '-')}"
+            raise click.UsageError(f"{name} is for HTTP: give --port, too")
     from ..bench.config import Bench, override
     from ..record_command import parse_size
     from ..serving.access import read_token
@@ -105,18 +122,20 @@ def mcp(
 
     token = read_token(token_file, server.TOKEN)
     provider = "embedded" if is_desktop else "browser"
-    bench = override(
-        Bench(
-            source="hijack mcp",
-            provider=provider,
-            size=parse_size(size or DEFAULT_SIZES[provider]),
-            agents=(name,),
-            seeds=(seed,),
-            max_steps=max_steps,
-        ),
-        task=task or DEFAULT_TASKS[provider],
-        corruption=corruption,
+    bench = Bench(
+        source="hijack mcp",
+        provider=provider,
+        size=parse_size(size or DEFAULT_SIZES[provider]),
+        agents=(name,),
+        seeds=(seed,),
+        max_steps=max_steps,
+        layer=layer,
     )
+    try:
+        bench = override(bench, task=task or DEFAULT_TASKS[provider], corruption=corruption)
+    except UnknownNameError as error:  # it names the options of `hijack bench`
+        message = str(error).replace("--tasks", "--task").replace("--corruptions", "--corruption")
+        raise UnknownNameError(message) from None
     options = McpOptions(
         bench=bench,
         folder=out or Path("runs") / f"mcp-{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}",

@@ -7,13 +7,15 @@ from typing import Annotated, Any, Literal
 from mcp.server import MCPServer
 from mcp.server.mcpserver import Image
 from mcp.server.mcpserver.exceptions import ToolError
-from pydantic import Field
+from mcp.server.mcpserver.tools import Tool
+from pydantic import ConfigDict, Field
 
 from hijack_data import __version__
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, suggest
 from hijack_data.png import encode
 
 from ..agents.base import DONE, FAIL, WAIT
+from ..embedded.guest.shim.ah_input.keys import NAMED
 from .tool_client import OVER, ClientView, ToolClient, action_code
 
 MAX_CLICKS = 100  # of the wheel
@@ -51,9 +53,6 @@ def make_tool_server(
     """
     turn = client.look()
     guide = GUIDE.format(instruction=turn.instruction)
-    server: MCPServer[Any] = MCPServer(
-        "computer", instructions=guide, version=__version__, log_level="ERROR"
-    )
     tools = _Tools(client, read_score, note_call)
     functions: list[Callable[..., Any]] = [
         tools.screenshot,
@@ -68,9 +67,23 @@ def make_tool_server(
         tools.done,
         tools.fail,
     ]
-    for function in functions:
-        server.add_tool(function, structured_output=False)
-    return server
+    return MCPServer(
+        "computer",
+        instructions=guide,
+        version=__version__,
+        log_level="ERROR",
+        tools=list(map(_strict_tool, functions)),
+    )
+
+
+def _strict_tool(function: Callable[..., Any]) -> Tool:
+    """Return a tool that refuses arguments it does not have, which the SDK's would not notice."""
+    tool = Tool.from_function(function, structured_output=False)
+    model = tool.fn_metadata.arg_model
+    config = {"model_config": ConfigDict(extra="forbid"), "__module__": __name__}
+    tool.fn_metadata.arg_model = type(model.__name__, (model,), config)
+    tool.parameters = tool.fn_metadata.arg_model.model_json_schema(by_alias=True)
+    return tool
 
 
 class _Tools:
@@ -113,12 +126,12 @@ class _Tools:
 
     def keys(self, keys: KeyNames) -> ToolAnswer:
         """Press keys together, such as ["enter"] or ["ctrl", "a"]."""
-        return self._act(action_code("hotkey", *(key.lower() for key in keys)))
+        return self._act(action_code("hotkey", *map(_check_key, keys)))
 
     def scroll(
         self, x: PixelCoordinate, y: PixelCoordinate, down: WheelClicks = 0, right: WheelClicks = 0
     ) -> ToolAnswer:
-        """ClientView the wheel at a point; negative numbers scroll up and left."""
+        """Turn the wheel at a point; negative numbers scroll up and left."""
         self._check_points((x, y))
         calls = [action_code("moveTo", x, y)]
         if down:
@@ -193,6 +206,18 @@ class _Tools:
                     f"({x}, {y}) is outside of the picture: x is 0 to {width - 1}, y is 0 to"
                     f" {height - 1}"
                 )
+
+
+def _check_key(key: str) -> str:
+    """Return the name of a key in pyautogui's spelling.
+
+    Raises:
+        ToolError: There is no such key.
+    """
+    name = key.lower()
+    if len(name) > 1 and name not in NAMED:
+        raise ToolError(f"there is no key {key!r}{suggest(name, NAMED)}")
+    return name
 
 
 def _image(turn: ClientView) -> Image:

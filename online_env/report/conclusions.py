@@ -64,6 +64,8 @@ def _conclude_agent(report: RunReport, row: AgentSummary) -> str:
         return f"{_worst_success(corrupted, worst)}; without clean episodes no loss is known"
     if not any(cell.success for cell in cells):
         return "solves nothing, clean or corrupted, so no loss can be seen"
+    if row.clean == 0:
+        return "solves nothing clean, so no loss can be seen"
     return f"{_worst_loss(compared, worst)}; {_significance(compared)}"
 
 

@@ -108,7 +108,8 @@ def read_token(file: Path | None, variable: str) -> str | None:
             mode = file.stat().st_mode
             token = file.read_text(encoding="utf-8").strip()
         except (OSError, UnicodeError) as error:
-            raise ParameterError(f"--token-file {file}: {error}") from None
+            reason = getattr(error, "strerror", None) or "it is no text"
+            raise ParameterError(f"--token-file {file}: cannot be read: {reason}") from None
         if stat.S_IMODE(mode) & 0o077:
             raise ParameterError(f"--token-file {file}: others may read it; chmod 600 {file}")
     if token is None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from importlib.metadata import PackageNotFoundError, version
@@ -124,7 +125,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         DatasetError: there is no manifest, or it is damaged or newer than this library.
     """
     path = folder / MANIFEST
-    state = "not a dataset of ours"
+    state = "not a dataset of ours" if os.path.isdir(folder) else "no such folder"
     if (folder / STATE).is_dir():
         state = f"an unfinished build: the same build with {RESUME} finishes it"
     manifest = read_versioned_json(

@@ -20,11 +20,12 @@ def open_source(folder: str | os.PathLike[str]) -> "DatasetSource | RunSource":
         DatasetError: the folder is neither, or is not finished.
     """
     path = Path(folder)
+    if not os.path.isdir(path):
+        reason = "not a folder" if os.path.lexists(path) else "no such folder"
+        raise DatasetError(
+            f"{path}: {reason}; give a dataset (hijack build) or a run (hijack bench)"
+        )
     try:
-        if not path.is_dir():
-            raise DatasetError(
-                f"{path}: not a folder; give a dataset (hijack build) or a run (hijack bench)"
-            )
         path = find_run(path)
         is_run = (path / RUN).exists() or (path / EPISODES).is_dir()
     except (OSError, ValueError) as error:

@@ -319,6 +319,8 @@ def test_subtitles_shrink_where_they_do_not_fit():
 def test_a_transform_that_does_not_exist_says_why():
     with pytest.raises(AttributeError, match="no Verification: it changes the machine"):
         tr.Verification  # noqa: B018
+    with pytest.raises(AttributeError, match="no MissedInput: it changes the agent's input"):
+        _ = tr.MissedInput
     with pytest.raises(AttributeError, match="did you mean 'Marks'"):
         tr.Mark  # noqa: B018
     assert not hasattr(tr, "__wrapped__")

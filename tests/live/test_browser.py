@@ -173,6 +173,26 @@ def test_pages_that_open_ask_close_and_hide_elements(
     assert len(browser.pages) == 1
 
 
+def test_frames_of_other_sites_are_in_the_tree_and_a_touch_in_one_is_counted(
+    open_html: Callable[[str], BrowserDesktop],
+) -> None:
+    from hijack_data.plan import Effect
+    from online_env.effects import perform
+
+    button = "<button onclick=&quot;this.textContent = 'Pressed'&quot;>Button</button>"
+    frame = f'<iframe sandbox="allow-scripts" srcdoc="{button}"></iframe>'
+    browser = open_html(f"<script>/* no text of the page */</script>{frame}{frame}")
+
+    def names() -> list[str]:
+        return [node.name for node in Hand(browser).look() if node.role == "push-button"]
+
+    assert names() == ["Button", "Button"]
+    assert "no text" not in browser.accessibility()
+    probe = perform(Effect("touch", {}), browser).probe()
+    assert [attempt["delivered"] for attempt in probe.facts["attempts"]] == [True]
+    assert sorted(names()) == ["Button", "Pressed"]
+
+
 def test_a_page_that_crashes_is_an_error_and_a_reset_mends_it(
     site: FolderSite, browser: BrowserDesktop
 ) -> None:
@@ -389,6 +409,8 @@ def test_tasks_that_are_not_there_are_named(tmp_path: Path) -> None:
 
 
 def test_the_scale_fits_the_screen() -> None:
+    with pytest.raises(ParameterError, match="320x240 pixels or more"):
+        choose_scale((240, 300))
     assert [choose_scale(size) for size in ((720, 960), (1080, 1920), (960, 1280), (300, 400))] == [
         3,
         4,

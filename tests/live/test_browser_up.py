@@ -110,6 +110,7 @@ def url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     folder = tmp_path_factory.mktemp("site")
     (folder / "shop.html").write_text(PAGE)
     (folder / "touch.html").write_text(TOUCH)
+    (folder / "picture.svg").write_text('<svg xmlns="http://www.w3.org/2000/svg" />')
     site = FolderSite("127.0.0.1", folder)
     port = site.arguments[0].rpartition(":")[2].split(",")[0]
     yield f"http://127.0.0.1:{port}/shop.html"
@@ -229,6 +230,25 @@ def test_the_session_of_a_site_ends_until_the_password(url: str) -> None:
         script = "document.querySelector('[type=password]').value = 'password'; document.forms[0].submit()"
         client.evaluate(session, script)
         wait_for(lambda: client.evaluate(session, "document.title") == "Shop")
+
+
+def test_pages_that_ask_or_hold_no_nodes_stop_no_other_page_and_a_client_may_end_chromium(
+    url: str,
+) -> None:
+    with browser_up("--corruption", "pop_ups") as (address, process):
+        assert process.stderr is not None
+        socket.create_connection(("127.0.0.1", int(address.rpartition(":")[2]))).close()
+        client = Client(address)
+        svg = client.open(url.replace("shop.html", "picture.svg"))
+        assert "no body of HTML" in process.stderr.readline()
+        client.call("Runtime.evaluate", svg, expression="setTimeout(() => alert(1))")
+        session = client.open(url)
+        wait_for(lambda: "OK" in client.names(session))
+        assert "is drawn into" in process.stderr.readline()  # the line before came once
+        client.call("Browser.close")
+        client.close()
+        second, _ = connect_after_restart(address)
+        second.close()
 
 
 def test_playwright_drives_it(url: str) -> None:

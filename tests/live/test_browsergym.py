@@ -14,6 +14,7 @@ pytest.importorskip("miniwob", reason=needs.BROWSER)
 import gymnasium
 import miniwob
 from browsergym.core.action.highlevel import HighLevelActionSet
+from gymnasium.error import ResetNeeded
 from playwright.sync_api import BrowserType
 
 from hijack_data import Subtitle
@@ -187,6 +188,8 @@ def test_what_has_no_meaning_is_refused_with_its_reason(make: Any) -> None:
     local = make("network_error", base_url=f"file://{PAGES}/miniwob/")
     with pytest.raises(EffectError, match="of no site"):
         local.reset(seed=0)
+    with pytest.raises(ResetNeeded):  # it would go on without the corruption
+        local.step("noop()")
     with pytest.raises(ParameterError, match="no environment of BrowserGym"):
         corrupt(gymnasium.make("CartPole-v1"), None)
     with pytest.raises(HijackError):

@@ -145,7 +145,12 @@ def test_a_corrupted_browser_task_to_its_score_over_stdio(tmp_path: Path) -> Non
         outside = await client.call_tool("click", {"x": 5000, "y": 3})
         assert outside.is_error
         assert "outside of the picture: x is 0 to " in text(outside)
-        assert (await client.call_tool("click", {"x": -1, "y": "here"})).is_error
+        for tool, arguments in (
+            ("click", {"x": -1, "y": "here"}),
+            ("click", {"x": 1, "y": 1, "btn": "right"}),
+            ("keys", {"keys": ["ctrl+a"]}),
+        ):
+            assert (await client.call_tool(tool, arguments)).is_error
         name = re.search(r'Click on the "(.*)" button', task)
         assert name is not None, task
         ended = await click_named(client, "push-button", name[1])
@@ -165,6 +170,7 @@ def test_a_corrupted_browser_task_to_its_score_over_stdio(tmp_path: Path) -> Non
     assert record["corruption"] == "resolution"
     assert record["given"] == ["tree"]
     assert record["malformed"] == 0
+    assert record["steps"] == 2
     check_run(folder)
 
 

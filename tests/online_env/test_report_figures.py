@@ -10,6 +10,7 @@ pytest.importorskip("scipy", reason="needs the extra [online]")
 
 from online_env.report import ReportError, build_report, formats, formatting
 from online_env.report.ablations import Ablation
+from online_env.report.conclusions import conclude
 from online_env.report.document import ReportDocument
 from online_env.report.figures import WIDTH, retention_panels, success_panels
 from online_env.report.leaderboard import ReportFolder, rank_agents, read_reports
@@ -156,6 +157,16 @@ def test_a_page_says_how_the_run_was_played(tmp_path):
     extent = "2 tasks, 1 condition, 9 seeds, 2 episodes that count."
     assert f'<p class="lead">{extent}</p>' in page
     assert "<li>a: solves 50.0 % clean; no corruption was played.</li>" in page
+
+
+@pytest.mark.parametrize(
+    ("marks", "words"), [([0, 0], "nothing, clean or"), ([0, 1], "nothing clean")]
+)
+def test_who_solves_nothing_clean_is_not_said_to_lose_nothing(tmp_path, marks, words):
+    records = scored("a", "clean", [0, 0]) + scored("a", "marks", marks)
+    (text,) = conclude(build_report(read_run(tmp_path / "run", records)))
+    assert f"solves {words}" in text
+    assert text.endswith("no loss can be seen.")
 
 
 @pytest.mark.parametrize(("p", "lost"), [(0.049, True), (0.05, False), (None, False)])
