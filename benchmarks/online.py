@@ -2,7 +2,6 @@
 
 Then `--parallel` desktops are driven at once, and `--cycles` rounds of up, reset, down are looked
 through for what they leave behind. `--only sizes,install --parallel 0 --cycles 0` runs parts alone.
-`virtual_machine.py` has one beside it.
 """
 
 import argparse
