@@ -226,18 +226,15 @@ class RecordingStage:
                 since = time.monotonic()
         return self.desktop.screenshot()
 
-    def targets(
-        self, box: Box, owner: Callable[[TopWindow | None], bool], xml: str | None = None
-    ) -> list[ClickTarget]:
+    def targets(self, box: Box, owner: Callable[[TopWindow | None], bool]) -> list[ClickTarget]:
         """Return the interactive elements in a box, by their centres.
 
         Args:
             box: `xyxy` on the screen.
             owner: Whether the window at an element's centre is one of those that are meant.
-            xml: The accessibility tree; it is read if omitted.
         """
         tops = self.top_windows()
-        tree = xml or self.desktop.accessibility()
+        tree = self.desktop.accessibility()
         targets: list[ClickTarget] = []
         for element in live_elements(tree, self.desktop.size):
             if not _inside(element.centre, box) or not owner(at_point(tops, element.centre)):

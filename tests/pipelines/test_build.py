@@ -18,18 +18,13 @@ from pipelines.dataset.columns import COLUMNS
 from pipelines.errors import BuildError
 from pipelines.readers import get_reader
 
+from support.dataset_files import shard_hashes
+
 NAMES = """
 id trajectory_id step source domain instruction screenshot width height action action_code target_box corruption
 severity seed params plan plan_digest fidelity event reminder inserted target_visible changed_pixels extra
 image_sha256
 """.split()  # noqa: SIM905
-
-
-def data_hashes(out: Path) -> dict[str, str]:
-    return {
-        file.name: hashlib.sha256(file.read_bytes()).hexdigest()
-        for file in sorted((out / "data").iterdir())
-    }
 
 
 def quarantined(out: Path) -> list[dict[str, str]]:
@@ -223,10 +218,10 @@ def test_the_same_input_gives_the_same_bytes(recording: Any, small: Any, tmp_pat
     build(folder, tmp_path / "a", corruptions=small, seed=1, rows_per_shard=10)
     build(folder, tmp_path / "b", corruptions=small, seed=1, rows_per_shard=10)
     build(folder, tmp_path / "c", corruptions=small, seed=2, rows_per_shard=10)
-    first = data_hashes(tmp_path / "a")
+    first = shard_hashes(tmp_path / "a")
     assert list(first) == ["train-00000.parquet", "train-00001.parquet", "train-00002.parquet"]
-    assert data_hashes(tmp_path / "b") == first
-    assert not set(data_hashes(tmp_path / "c").values()) & set(first.values())
+    assert shard_hashes(tmp_path / "b") == first
+    assert not set(shard_hashes(tmp_path / "c").values()) & set(first.values())
     assert (tmp_path / "a" / "manifest.json").read_bytes() == (
         tmp_path / "b" / "manifest.json"
     ).read_bytes()
@@ -250,7 +245,7 @@ def test_workers_change_nothing(recording: Any, small: Any, add_line: Any, tmp_p
         )
         for n in (1, 2)
     ]
-    assert data_hashes(tmp_path / "out1") == data_hashes(tmp_path / "out2")
+    assert shard_hashes(tmp_path / "out1") == shard_hashes(tmp_path / "out2")
     for name in ("manifest.json", "quarantine.jsonl"):
         assert (tmp_path / "out1" / name).read_bytes() == (tmp_path / "out2" / name).read_bytes()
     assert [r.rejected for r in reports] == [3, 3]

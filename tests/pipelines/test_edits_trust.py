@@ -21,6 +21,7 @@ from pipelines.dataset.columns import COLUMNS
 from pipelines.errors import BuildError
 from pipelines.readers import get_reader
 
+from support.dataset_files import shard_hashes
 from support.events import COMBINED, FIVE
 
 
@@ -81,28 +82,21 @@ def test_load_dataset_reads_events(
         assert theirs["screenshot"].tobytes() == row["screenshot"].tobytes()
 
 
-def hashes(folder: Path) -> dict[str, str]:
-    return {
-        file.name: hashlib.sha256(file.read_bytes()).hexdigest()
-        for file in sorted((folder / "data").iterdir())
-    }
-
-
 def test_a_resumed_build_ends_in_the_same_bytes(
     browsing: Path, nine: Any, assets: Path, tmp_path: Path
 ) -> None:
     options: dict[str, Any] = {"corruptions": nine, "assets": assets, "rows_per_shard": 45}
     build(browsing, tmp_path / "out", **options)
-    before = hashes(tmp_path / "out")
+    before = shard_hashes(tmp_path / "out")
     assert len(before) == 2
     (tmp_path / "out" / "data" / "train-00001.parquet").unlink()
     (tmp_path / "out" / "manifest.json").unlink()
     (tmp_path / "out" / ".build").mkdir()
     build(browsing, tmp_path / "two", **options, workers=2)
-    assert hashes(tmp_path / "two") == before
+    assert shard_hashes(tmp_path / "two") == before
     (tmp_path / "two" / "data" / "train-00001.parquet").unlink()
     assert build(browsing, tmp_path / "two", **options, resume=True).kept == 1
-    assert hashes(tmp_path / "two") == before
+    assert shard_hashes(tmp_path / "two") == before
 
 
 def test_a_build_is_not_resumed_with_another_pack(
@@ -208,7 +202,7 @@ def test_the_pack_of_the_environment_is_used_by_workers(
     options = {"corruptions": "verification", "rows_per_shard": 10}
     build(browsing, tmp_path / "two", **options, workers=2)  # type: ignore[arg-type]
     build(browsing, tmp_path / "one", **options)  # type: ignore[arg-type]
-    assert hashes(tmp_path / "one") == hashes(tmp_path / "two")
+    assert shard_hashes(tmp_path / "one") == shard_hashes(tmp_path / "two")
 
 
 def test_a_recording_may_name_the_key_of_its_draws(

@@ -23,6 +23,8 @@ from pipelines.engines import ray as engine
 from pipelines.errors import BuildError, SourceError
 from pipelines.sources import Sources
 
+from support.dataset_files import file_contents
+
 ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
 cluster_utils = pytest.importorskip("ray.cluster_utils")
 ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -53,10 +55,8 @@ class Marks(hj.plugin.Augmentation):
         return hj.Marks(number=4, mark_size=8).plan(scene, **key)
 
 
-def contents(out: Path) -> dict[str, bytes]:
-    """All files of a dataset but the card, which names its own folder."""
-    files = sorted(p for p in out.rglob("*") if p.is_file() and p.name != "README.md")
-    return {str(p.relative_to(out)): p.read_bytes() for p in files}
+# The card names its own folder.
+contents = partial(file_contents, without="README.md")
 
 
 def differences(out: Path, whole: Path) -> list[str]:

@@ -26,6 +26,8 @@ from pipelines.exports.onlooker.sampling import WITH_REMINDER
 from pipelines.exports.onlooker.screen_change import TOLERANCE
 from pipelines.exports.onlooker.step_frames import RowFrame, frames_by_step
 
+from support.dataset_files import file_contents
+
 TABLES = ("reminders", "summaries", "recovery")
 ROOT = Path(__file__).resolve().parents[2]
 PLANNERS: dict[str, Any] = {
@@ -76,12 +78,6 @@ def dataset(source: Path, assets: Path, tmp_path: Path) -> Path:
 def table(folder: Path, name: str) -> list[dict[str, Any]]:
     files = sorted((folder / name).glob("*.parquet"))
     return [row for file in files for row in pq.ParquetFile(file).read().to_pylist()]
-
-
-def tree(folder: Path) -> dict[str, bytes]:
-    return {
-        str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()
-    }
 
 
 def by_id(dataset: Path) -> dict[str, dict[str, Any]]:
@@ -385,7 +381,7 @@ def test_lazy_and_materialised_give_the_same_bytes(
             to="onlooker",
         )
     export(tmp_path / "set-a", tmp_path / "c", to="onlooker")
-    a, b, c = (tree(tmp_path / name) for name in "abc")
+    a, b, c = (file_contents(tmp_path / name) for name in "abc")
     assert a == c
     assert len(a) == 3 * 3 + 1  # a file a shard, here a trajectory: no trajectory is split
     about = json.loads(a.pop("export.json"))
@@ -464,7 +460,7 @@ def test_an_export_that_was_killed_is_done_again(dataset: Path, tmp_path: Path) 
     assert (tmp_path / ".out.exporting" / "summaries").is_dir()
     for name in ("out", "whole"):
         export(dataset, tmp_path / name, to="onlooker")
-    assert tree(tmp_path / "out") == tree(tmp_path / "whole")
+    assert file_contents(tmp_path / "out") == file_contents(tmp_path / "whole")
     assert not (tmp_path / ".out.exporting").exists()
 
 

@@ -22,6 +22,8 @@ from pipelines.errors import BuildError, DatasetError
 from pipelines.exports import FORMATS, ExportReport, export, push_to_hub
 from pipelines.exports.webdataset import typed_row
 
+from support.dataset_files import file_contents
+
 PLANNERS: dict[str, Any] = {
     "cover": hj.PopUps(width=320, height=200, avoid_elements=False),
     "half": hj.Resolution(),
@@ -52,12 +54,6 @@ def source(recording: Any, add_line: Any, good_line: Any) -> Path:
 @pytest.fixture(params=["materialised", "lazy"])
 def dataset(request: Any, source: Path, tmp_path: Path) -> Path:
     return make(source, tmp_path / "set", output=request.param)
-
-
-def tree(folder: Path) -> dict[str, bytes]:
-    return {
-        str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()
-    }
 
 
 def expected(dataset: Path) -> list[dict[str, Any]]:
@@ -279,7 +275,7 @@ def test_the_same_rows_give_the_same_bytes(to: str, source: Path, tmp_path: Path
         make(source, tmp_path / f"set-{name}", output=output)
         export(tmp_path / f"set-{name}", tmp_path / name, to=to)
     export(tmp_path / "set-a", tmp_path / "c", to=to)
-    a, b, c = (tree(tmp_path / name) for name in "abc")
+    a, b, c = (file_contents(tmp_path / name) for name in "abc")
     assert a == c
     del a["export.json"], b["export.json"]  # names the dataset by its bytes, which differ
     assert a == b
@@ -346,7 +342,7 @@ def test_an_export_that_was_killed_is_done_again(source: Path, tmp_path: Path) -
     (tmp_path / "out").mkdir()  # an empty folder is as good as none
     export(dataset, tmp_path / "out", to="chat")
     export(dataset, tmp_path / "whole", to="chat")
-    assert tree(tmp_path / "out") == tree(tmp_path / "whole")
+    assert file_contents(tmp_path / "out") == file_contents(tmp_path / "whole")
     assert not (tmp_path / ".out.exporting").exists()
 
 

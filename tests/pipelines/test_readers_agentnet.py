@@ -1,20 +1,18 @@
 import copy
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from PIL import Image
 
-from hijack_data.types import Action, Trajectory
-from pipelines.readers import Rejected, detect_format, get_reader
+from hijack_data.types import Action
+from pipelines.readers import detect_format, get_reader
 
+from support.recordings import read_source
 
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("agentnet").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="agentnet")
 
 
 RAW = {

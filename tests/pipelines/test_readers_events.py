@@ -1,28 +1,25 @@
 """Arrow folders of `save_to_disk`, and tables whose rows are steps."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import hijack_data as hj
-from hijack_data.types import Action, Trajectory
+from hijack_data.types import Action
 from pipelines import build, open_dataset, verify
-from pipelines.readers import Rejected, detect_format, get_reader
+from pipelines.readers import detect_format
 from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import chat_code, png, write_table
+from support.recordings import read_source
 
 datasets = pytest.importorskip("datasets")
 TASK = "Task(description='Press it', task_id=None, metadata={'a': [1]}, computer=None)"
 
-
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("parquet").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="parquet")
 
 
 def trace(folder: Path, events: list[tuple[str, dict[str, Any], list[int]]]) -> Path:

@@ -1,5 +1,6 @@
 import json
 import tracemalloc
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,21 +13,17 @@ from hypothesis import strategies as st
 import hijack_data as hj
 from hijack_data.types import Action, Trajectory
 from pipelines import build
-from pipelines.readers import Rejected, detect_format, get_reader
+from pipelines.readers import detect_format, get_reader
 from pipelines.readers.box_forms import box_in
 from pipelines.readers.fields import FieldError
 from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import png, write_table
+from support.recordings import read_source
 
 CLICK = "pyautogui.click(100, 50)"
 
-
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("parquet").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="parquet")
 
 
 def picture(number: int) -> dict[str, Any]:

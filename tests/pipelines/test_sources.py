@@ -2,7 +2,6 @@
 be opened."""
 
 import gzip
-import hashlib
 import json
 import os
 import re
@@ -17,29 +16,20 @@ import pytest
 import hijack_data as hj
 from hijack_data.file_io import write_atomic
 from hijack_data.picture_io import encode_png
-from hijack_data.types import Trajectory
 from pipelines import build, open_dataset, verify
 from pipelines.errors import BuildError, SourceError
 from pipelines.readers import Rejected, survey
 from pipelines.sources import Sources, public_name
 
+from support.dataset_files import shard_hashes
 from support.formats import FORMATS
+from support.recordings import separate_rejected
 
 HALF = {"half": hj.Resolution(scale=0.5)}
 
 
-def shards(out: Path) -> dict[str, str]:
-    return {
-        file.name: hashlib.sha256(file.read_bytes()).hexdigest()
-        for file in sorted((out / "data").iterdir())
-    }
-
-
-def read(*paths: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = [read.item for read in Sources.open(list(paths)).read()]
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+def read(*paths: Path) -> tuple[list[Any], list[Rejected]]:
+    return separate_rejected(read.item for read in Sources.open(list(paths)).read())
 
 
 @pytest.fixture
@@ -87,7 +77,11 @@ def test_a_mixed_folder_gives_the_same_bytes_wherever_it_lies_and_however_it_is_
     (tmp_path / "three" / "data" / "train-00001.parquet").unlink()
     report = build(moved, tmp_path / "three", corruptions=HALF, rows_per_shard=6, resume=True)
     assert report.kept == report.shards - 1
-    assert shards(tmp_path / "one") == shards(tmp_path / "two") == shards(tmp_path / "three")
+    assert (
+        shard_hashes(tmp_path / "one")
+        == shard_hashes(tmp_path / "two")
+        == shard_hashes(tmp_path / "three")
+    )
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
