@@ -97,8 +97,6 @@ CORE_ALONE = {
     "stats {data}": "hf",
     "view {data}": "hf",
     f"apply {SCREEN} accidental_touch -o {{out}}/m.png": "vision",
-    f"apply {SCREEN} marks -o {{out}}/m.png --backend torch": "torch",
-    f"apply {SCREEN} marks -o {{out}}/m.png --backend jax": "jax",
     f"gallery {SCREEN} -o {{out}}/g.html --detect ocr": "ocr",
     "demo --no-desktop --out {out}/demo": SAYS_AND_GOES_ON,
     "bench embedded_small --dry-run": "online",

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
+from hijack_data.geometry import intersection
 from hijack_data.types import Action, Box, Point, UInt8Array
 
 from ..desktops.commands import launch
@@ -261,7 +262,7 @@ class RecordingStage:
             **extra: More fields of the picture.
         """
         frame = self.settled()
-        box = _clip(top.box, self.screen)
+        box = intersection(top.box, self.screen)
         self._check_uncovered(top, box)
         x1, y1, x2, y2 = box
         holes = self.look("shaped", number=top.id)["holes"]
@@ -330,16 +331,7 @@ def _area(box: Sequence[int]) -> int:
 
 
 def _overlap(first: Box, second: Box) -> bool:
-    return _area(_clip(first, second)) > 0
-
-
-def _clip(box: Box, limit: Box) -> Box:
-    return (
-        max(box[0], limit[0]),
-        max(box[1], limit[1]),
-        min(box[2], limit[2]),
-        min(box[3], limit[3]),
-    )
+    return _area(intersection(first, second)) > 0
 
 
 def _shaped(part: UInt8Array, holes: Sequence[Sequence[int]], box: Box, cut: Box) -> UInt8Array:

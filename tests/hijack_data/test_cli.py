@@ -113,27 +113,13 @@ def test_apply_prints_one_object(screen, tmp_path):
     )
     assert result.returncode == 0, result.stderr
     row = json.loads(result.stdout)
-    assert list(row) == ["corruption", "digest", "sha256", "size", "notes", "backend"]
+    assert list(row) == ["corruption", "digest", "sha256", "size", "notes"]
     pixels = load_image(out)[0]
     assert row["sha256"] == hashlib.sha256(pixels.tobytes()).hexdigest()
     assert row["size"] == [1100, 540]
     plan = hj.Marks(number=9, color="#00ff00").plan(hj.Scene(size=SIZE), seed=7, sample="0")
     assert row["digest"] == plan.digest()
     assert np.array_equal(pixels, hj.apply(plan, load_image(screen)[0]))
-
-
-@pytest.mark.parametrize("backend", ["torch", "jax"])
-def test_backends_agree(screen, tmp_path, backend):
-    pytest.importorskip(backend)
-    shas = {
-        json.loads(
-            run(
-                "apply", screen, "subtitle", "-o", tmp_path / f"{b}.png", "--backend", b, "--json"
-            ).stdout
-        )["sha256"]
-        for b in ("numpy", backend)
-    }
-    assert len(shas) == 1
 
 
 def test_a_saved_plan_is_replayed(screen, tmp_path):
@@ -202,7 +188,6 @@ def test_the_tree_is_used(screen, tmp_path):
             ["subtitle", "--set", "font_size=400"],
             ["does not fit 1100x540", "largest font_size that fits"],
         ),
-        (["marks", "--backend", "cupy"], ["numpy"]),
         ([], ["give the NAME"]),
     ],
 )

@@ -10,13 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hijack_data.geometry import (
-    free,
-    intersection_area,
-    largest_free_rectangle,
-    place_disjoint,
-    union_area,
-)
+from hijack_data.geometry import free, intersection_area, largest_free_rectangle, place_disjoint
 from hijack_data.rng import Stream
 from hijack_data.types import as_boxes
 
@@ -207,7 +201,6 @@ def test_the_boxes_are_left_as_they_were():
     boxes.flags.writeable = False
     largest_free_rectangle((1080, 1920), boxes)
     place_disjoint(Stream(0, "marks-v1"), (1080, 1920), 10, 5, 50, boxes)
-    union_area(boxes)
     assert np.array_equal(boxes, before)
 
 
@@ -258,24 +251,9 @@ def test_overlaps_count_shared_pixels(box, rows):
     assert free(box, as_boxes(rows)) is (sum(shared) == 0)
 
 
-@settings(max_examples=200, deadline=None)
-@given(box_rows())
-def test_union_counts_each_pixel_once(rows):
-    assert union_area(as_boxes(rows)) == picture_of(rows).sum()
-
-
-def test_union_of_many_boxes_is_taken_in_parts():
-    boxes = random_boxes(1, 1500, (900, 1200), 40)
-    picture = painted((1000, 1300), boxes + 50)
-    total = union_area(boxes)
-    assert total == picture.sum()
-    assert type(total) is int
-
-
 def test_overlaps_beyond_int32():
     side = 2**30
     boxes = as_boxes([(-side, -side, side, side), (0, 0, 1, 1)])
-    assert union_area(boxes) == 2**62
     assert intersection_area((-side, -side, side, side), boxes).tolist() == [2**62, 1]
 
 

@@ -17,12 +17,12 @@ pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.locking import LockedError
 from online_env.bench.config import Bench, override
+from online_env.errors import AgentSetupError
 from online_env.results import origin, records
 from online_env.results.parts import part_rows
 from online_env.results.reading import RunError
 from online_env.results.scores import rows as score_rows
 from online_env.scoring.cases import Selection, choose_question
-from online_env.scoring.row_asker import AgentStartError
 from online_env.scoring.rules import Distance
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from pipelines import build
@@ -310,7 +310,7 @@ def test_usage(words, message, clicks, capsys):
 
 
 def test_an_agent_that_cannot_be_made_ends_the_run(clicks, agents, tmp_path):
-    with pytest.raises(AgentStartError, match="cannot be made: OSError: no such weights"):
+    with pytest.raises(AgentSetupError, match="cannot be made: OSError: no such weights"):
         played(settings_for(clicks, f"{agents}:Broken"), tmp_path / "run")
 
 
