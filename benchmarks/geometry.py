@@ -56,7 +56,7 @@ def corner_growth(size: Size, boxes: BoxArray) -> Box:
     rows: Boxes = [tuple(row) for row in boxes.tolist()]
     xs, ys = edges(size, rows)
     best = 0
-    place = (0, 0, 0, 0)
+    best_box = (0, 0, 0, 0)
     for i, left in enumerate(xs):
         for top in ys:
             bottom = size[0]
@@ -69,8 +69,8 @@ def corner_growth(size: Size, boxes: BoxArray) -> Box:
                 area = (right - left) * (bottom - top)
                 if area > best:
                     best = area
-                    place = (left, top, right, bottom)
-    return place
+                    best_box = (left, top, right, bottom)
+    return best_box
 
 
 def strip_scan(size: Size, boxes: BoxArray) -> Box:
@@ -80,7 +80,7 @@ def strip_scan(size: Size, boxes: BoxArray) -> Box:
     _, ys = edges(size, rows)
     right_edge = (width, 0, width, height)
     best = 0
-    place = (0, 0, 0, 0)
+    best_box = (0, 0, 0, 0)
     for top, bottom in combinations(ys, 2):
         left = 0
         for x1, y1, x2, y2 in [*rows, right_edge]:
@@ -88,9 +88,9 @@ def strip_scan(size: Size, boxes: BoxArray) -> Box:
                 area = (x1 - left) * (bottom - top)
                 if area > best:
                     best = area
-                    place = (left, top, x1, bottom)
+                    best_box = (left, top, x1, bottom)
                 left = max(left, x2)
-    return place
+    return best_box
 
 
 def row(

@@ -96,17 +96,17 @@ def row_of(output: str, folder: Path) -> list[str]:
     reads: list[Measured] = []
     scores: list[Measured] = []
     firsts: list[Measured] = []
-    both: list[Measured] = []
+    measurements: list[Measured] = []
     for repeat in range(REPEATS):
-        place = folder.parent / f"{output}-{repeat}"
+        out = folder.parent / f"{output}-{repeat}"
         reads.append(read(folder))
-        scores.append(score(folder, place / "all"))
-        firsts.append(score(folder, place / "one", limit=1))
-        both.append(score(folder, place / "two", workers=2))
+        scores.append(score(folder, out / "all"))
+        firsts.append(score(folder, out / "one", limit=1))
+        measurements.append(score(folder, out / "two", workers=2))
     reading = min(first.cpu for first in reads) / reads[0].rows
     more = min(first.cpu for first in scores) - min(first.cpu for first in firsts)
     scoring = more / (scores[0].rows - firsts[0].rows)
-    rates = [spread([first.rate for first in part], 1) for part in (reads, scores, both)]
+    rates = [spread([first.rate for first in part], 1) for part in (reads, scores, measurements)]
     return [
         output,
         *rates,
@@ -121,10 +121,10 @@ def main() -> None:
     if not SHARED.is_dir():
         sys.exit("no recordings: see tests on shared/data in CONTRIBUTING.md")
     rows: list[list[str]] = []
-    with tempfile.TemporaryDirectory() as place:
-        source = record(Path(place) / "source")
+    with tempfile.TemporaryDirectory() as scratch:
+        source = record(Path(scratch) / "source")
         for output in ("materialised", "lazy"):
-            folder = Path(place) / output
+            folder = Path(scratch) / output
             build(source, folder, corruptions=CORRUPTIONS, seed=7, output=output)
             rows.append(row_of(output, folder))
     print(machine(), end="\n\n")

@@ -118,12 +118,12 @@ def main() -> None:
     result.mkdir(parents=True, exist_ok=True)
     if name not in UNPUBLISHED:
         copy_records(runs, result / "run")
-    written = result / "report.json"
-    written.unlink(missing_ok=True)
-    chosen = ["--seeds", options.report_only] if options.report_only else []
+    report_path = result / "report.json"
+    report_path.unlink(missing_ok=True)
+    seed_options = ["--seeds", options.report_only] if options.report_only else []
     with suppress(CalledProcessError):
-        hijack("report", runs, *chosen, "--out", written)
-    draw(read_report(written), result / "success.svg")
+        hijack("report", runs, *seed_options, "--out", report_path)
+    draw(read_report(report_path), result / "success.svg")
     page = result / "about.md"
     if name in published_table.TABLES and page.exists():
         run = reading.read(runs)

@@ -49,8 +49,8 @@ def wheel(built: Path) -> zipfile.ZipFile:
 
 def test_the_wheel_holds_every_file_of_the_packages_and_no_other(wheel: zipfile.ZipFile):
     expected = set(tracked(*PACKAGES))
-    for folder, place in MOVED.items():
-        expected |= {place + name.removeprefix(folder) for name in tracked(folder)}
+    for folder, destination in MOVED.items():
+        expected |= {destination + name.removeprefix(folder) for name in tracked(folder)}
     names = {name for name in wheel.namelist() if ".dist-info/" not in name}
     assert names == expected
     assert {f"{package}/py.typed" for package in PACKAGES} <= names
@@ -106,6 +106,6 @@ def test_a_workflow_calls_what_ci_calls(name: str):
     assert ours
     targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.M)
     for line in ours:
-        program, _, rest = line.partition(" ")
-        assert program != "make" or rest in targets, line
+        program, _, arguments = line.partition(" ")
+        assert program != "make" or arguments in targets, line
         assert program == "make" or (ROOT / program).is_file(), line

@@ -20,10 +20,10 @@ USES = {"pipelines": ["stats", "x"], "online_env": ["desktop", "list"]}
 
 def python(folder: Path, code: str, *words: str) -> "subprocess.CompletedProcess[str]":
     """Run code where `folder` comes before everything of ours."""
-    place = {**os.environ, "PYTHONPATH": f"{folder}:{ROOT}"}
+    environment = {**os.environ, "PYTHONPATH": f"{folder}:{ROOT}"}
     command = [sys.executable, "-c", code, *words]
     return subprocess.run(
-        command, capture_output=True, text=True, env=place, cwd=folder, timeout=120
+        command, capture_output=True, text=True, env=environment, cwd=folder, timeout=120
     )
 
 
@@ -55,16 +55,16 @@ def refused(done: "subprocess.CompletedProcess[str]", place: Path) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_command_says_what_stands_in_its_way(name: str, place, tmp_path: Path) -> None:
-    where = place(name)
-    refused(python(tmp_path, START, *USES[name]), where)
+    environment = place(name)
+    refused(python(tmp_path, START, *USES[name]), environment)
     assert python(tmp_path, START, "--help").returncode == 0  # it imports no package
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_module_form_says_so_too(name: str, place, tmp_path: Path) -> None:
-    where = place(name)
+    environment = place(name)
     code = "import runpy, sys; sys.argv[0] = '-m'; runpy.run_module('hijack_data')"
-    refused(python(tmp_path, code, *USES[name]), where)
+    refused(python(tmp_path, code, *USES[name]), environment)
 
 
 def test_what_does_not_need_the_package_goes_on(place, tmp_path: Path) -> None:
@@ -82,21 +82,21 @@ def test_a_folder_that_is_no_package_is_in_nobodys_way(name: str, tmp_path: Path
 
 @pytest.mark.parametrize("name", NAMES)
 def test_an_import_of_the_core_warns(name: str, place, tmp_path: Path) -> None:
-    where = place(name)
+    environment = place(name)
     value = python(tmp_path, "import hijack_data")
     assert value.returncode == 0
-    assert f"HijackWarning: {where} is imported instead of AgentHijack's" in value.stderr
+    assert f"HijackWarning: {environment} is imported instead of AgentHijack's" in value.stderr
     assert "<string>:1:" in value.stderr  # the line of the user's import
     quiet = python(tmp_path, "import warnings; warnings.simplefilter('ignore'); import hijack_data")
     assert quiet.stderr == ""
 
 
 def test_the_doctor_lists_it(place, tmp_path: Path) -> None:
-    where = place("online_env")
+    environment = place("online_env")
     value = python(tmp_path, START, "doctor", "--json")
     rows = {row["what"]: row for row in json.loads(value.stdout)["found"]}
     assert not rows["online_env"]["ok"]
-    assert rows["online_env"]["found"].startswith(f"{where} is imported instead of")
+    assert rows["online_env"]["found"].startswith(f"{environment} is imported instead of")
 
 
 def test_nothing_is_in_the_way_here() -> None:

@@ -64,10 +64,10 @@ def sealed(data: dict) -> str:
 def with_value(data: dict, path: tuple, value: object) -> dict:
     """The data with the value at a path of keys and indices replaced."""
     data = copy.deepcopy(data)
-    place = data
+    node = data
     for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = value
+        node = node[key]
+    node[path[-1]] = value
     return data
 
 

@@ -375,8 +375,8 @@ def test_gallery(screen, tmp_path):
 
 def test_build_and_verify(tmp_path):
     source = ROOT / "examples" / "recordings"
-    chosen = ("--limit", "1", "--corruptions", "marks")
-    result = run("build", source, "--out", tmp_path / "d", *chosen, "--json")
+    options = ("--limit", "1", "--corruptions", "marks")
+    result = run("build", source, "--out", tmp_path / "d", *options, "--json")
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["rows_by_corruption"] == {"clean": 8, "marks": 8}
     assert run("verify", tmp_path / "d").returncode == 0

@@ -149,8 +149,8 @@ def test_a_corruption_alone_draws_from_the_plain_stream():
     plan = mark().plan(SCREEN, seed=1, sample="x")
     assert plan != hj.Sequence([mark()]).plan(SCREEN, seed=1, sample="x")
     stream = Stream(1, "marks-v1", "x")
-    drawn = mark().make_plan(SCREEN, stream, 0)
-    assert drawn.ops == plan.ops
+    draft = mark().make_plan(SCREEN, stream, 0)
+    assert draft.ops == plan.ops
 
 
 def test_branches_are_strings_that_travel():

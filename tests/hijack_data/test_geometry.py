@@ -261,14 +261,14 @@ def one_by_one(stream, size, half, number, attempts, rows):
     """Algorithm "Marks" word for word, looking at pixels."""
     height, width = size
     picture = painted(size, rows)
-    placed, used = [], 0
-    while len(placed) < number and used < attempts:
+    placed, used_attempts = [], 0
+    while len(placed) < number and used_attempts < attempts:
         x = stream.integer(half, width - half)
         y = stream.integer(half, height - half)
         if not picture[y - half : y + half, x - half : x + half].any():
             placed.append((x, y))
-        used += 1
-    return placed, used
+        used_attempts += 1
+    return placed, used_attempts
 
 
 @settings(max_examples=200, deadline=None)
@@ -291,17 +291,17 @@ def test_placing_equals_one_attempt_at_a_time(seed, size, half, number, attempts
 def test_placing_on_a_crowded_screen_equals_one_attempt_at_a_time(number):
     size, boxes = (1080, 1920), random_boxes(3, 120, (1080, 1920), 160)
     stream, plain = Stream(1, "marks-v1"), Stream(1, "marks-v1")
-    placed, used = place_disjoint(stream, size, 25, number, 1000, boxes)
-    assert (placed, used) == one_by_one(plain, size, 25, number, 1000, boxes)
+    placed, used_attempts = place_disjoint(stream, size, 25, number, 1000, boxes)
+    assert (placed, used_attempts) == one_by_one(plain, size, 25, number, 1000, boxes)
     assert stream.word() == plain.word()
-    assert 0 < len(placed) < used
+    assert 0 < len(placed) < used_attempts
 
 
 def test_placing_without_boxes_simply_draws():
     plain = Stream(5, "marks-v1")
-    drawn = [(plain.integer(12, 1908), plain.integer(12, 1068)) for _ in range(600)]
+    points = [(plain.integer(12, 1908), plain.integer(12, 1068)) for _ in range(600)]
     assert place_disjoint(Stream(5, "marks-v1"), (1080, 1920), 12, 600, 1000, as_boxes(None)) == (
-        drawn,
+        points,
         600,
     )
 

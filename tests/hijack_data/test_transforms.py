@@ -285,10 +285,10 @@ def rising(epoch):
 
 def test_combinators_and_configurations():
     sample = {"image": tensor(), "id": "a"}
-    both = tr.Sequence(
+    sequence = tr.Sequence(
         [tr.Resolution(scale=0.5), tr.Marks(number=3, mark_size=4)], seed=3, return_plan=True
     )(sample)
-    assert both["plan"].corruption == "resolution-v2+marks-v1"
+    assert sequence["plan"].corruption == "resolution-v2+marks-v1"
     out = tr.Schedule(rising, return_plan=True)({**sample, "epoch": 4})
     assert len(out["plan"].ops[0].at) == 200
     config = {
@@ -310,8 +310,8 @@ def test_combinators_and_configurations():
 
 
 def test_subtitles_shrink_where_they_do_not_fit():
-    both = tr.Sequence([tr.Resolution(scale=0.5), tr.Subtitle()], return_plan=True)
-    assert any("shrunk" in note for note in both({"image": tensor(), "id": 1})["plan"].notes)
+    sequence = tr.Sequence([tr.Resolution(scale=0.5), tr.Subtitle()], return_plan=True)
+    assert any("shrunk" in note for note in sequence({"image": tensor(), "id": 1})["plan"].notes)
     with pytest.raises(ParameterError, match="fit='shrink'"):
         tr.Subtitle(fit="error")({"image": tensor(), "id": 1})
 

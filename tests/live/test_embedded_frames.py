@@ -74,8 +74,8 @@ def test_it_is_the_guests_own_picture_with_one_pointer(desktop, place):
     desktop.client.input([{"type": "move", "x": 200, "y": 450}])
     different = (picture != same(desktop)).any(axis=2)
     different[560:, 600:] = False  # the clock
-    changed = np.argwhere(different)
-    near = [(abs(changed - point) < 40).all(axis=1) for point in (place[::-1], (450, 200))]
+    changed_pixels = np.argwhere(different)
+    near = [(abs(changed_pixels - point) < 40).all(axis=1) for point in (place[::-1], (450, 200))]
     assert near[0].any()
     assert near[1].any()
     assert (near[0] | near[1]).all()

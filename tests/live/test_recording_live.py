@@ -107,8 +107,8 @@ def test_a_desktop_and_the_button_that_brings_the_window_back(stage, monkeypatch
     monkeypatch.setattr(desktops, "OPEN", (("thunar", "mousepad"),))
     (value,) = desktops.record(stage)
     buttons = {target.name: target.box for target in value.targets}
-    mine = next(name for name in buttons if "Mousepad" in name)
-    assert tuple(value.recover["target_box"]) == buttons[mine]
+    button_name = next(name for name in buttons if "Mousepad" in name)
+    assert tuple(value.recover["target_box"]) == buttons[button_name]
     assert any("Thunar" in name for name in buttons)
     assert value.app == "mousepad"
 

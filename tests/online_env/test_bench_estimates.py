@@ -126,9 +126,9 @@ def test_models_cost_what_they_did_and_an_unknown_one_says_so(tmp_path):
 def test_a_dry_run_says_what_it_rests_on(tmp_path):
     write_run(tmp_path / "a", made(600.0, 4))
     argv = [sys.executable, "-m", "hijack_data.cli", "bench", "embedded_small", "--dry-run"]
-    chosen = ["--agent", "oracle", "--tasks", TASK, "--corruptions", "clean,marks"]
+    options = ["--agent", "oracle", "--tasks", TASK, "--corruptions", "clean,marks"]
     process = subprocess.run(
-        [*argv, *chosen, "--desktops", "1", "--out", str(tmp_path / "b")],
+        [*argv, *options, "--desktops", "1", "--out", str(tmp_path / "b")],
         capture_output=True,
         text=True,
         timeout=120,

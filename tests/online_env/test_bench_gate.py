@@ -177,14 +177,14 @@ def test_a_mean_is_not_taken_over_the_conditions_that_happen_to_be_there(name, t
 
 def test_a_gate_is_for_each_agent_or_for_one():
     two = ("a", "my.py:Mine", "do_nothing")
-    both = gate_of("worst=0.5", agents=two).gates
-    assert [gate.agent for gate in both] == ["a", "my.py:Mine"]  # nobody releases do_nothing
+    gates = gate_of("worst=0.5", agents=two).gates
+    assert [gate.agent for gate in gates] == ["a", "my.py:Mine"]  # nobody releases do_nothing
     beside = gate_of("worst=0.5", agents=("my.py:Mine", "pixel", "pixel_onlooker")).gates
     assert [gate.agent for gate in beside] == ["my.py:Mine"]
     yardsticks = gate_of("worst=0.5", agents=("oracle", "do_nothing")).gates
     assert [gate.agent for gate in yardsticks] == ["oracle", "do_nothing"]
-    (mine,) = gate_of("my.py:Mine:success.marks=0.25", agents=AGENTS).gates
-    assert mine == ScoreGate(score="success", label="marks", agent="my.py:Mine", least=0.25)
+    (agent_gate,) = gate_of("my.py:Mine:success.marks=0.25", agents=AGENTS).gates
+    assert agent_gate == ScoreGate(score="success", label="marks", agent="my.py:Mine", least=0.25)
     (dotted,) = gate_of("success.many.marks=1", labels=("clean", "many.marks")).gates
     assert dotted.label == "many.marks"
 
@@ -262,7 +262,7 @@ def validated(path):
 
 
 def test_a_junit_file_has_failures_for_gates_and_errors_for_what_has_no_score(tmp_path):
-    lost = "t__network_error__s0__oracle"
+    lost_id = "t__network_error__s0__oracle"
     items = [
         made("t", "clean", 1.0),
         made("t", "marks", 0.0),
@@ -270,10 +270,10 @@ def test_a_junit_file_has_failures_for_gates_and_errors_for_what_has_no_score(tm
         made("u", "clean", None, status="error", cause="agent", problem="raised\nin line 3"),
         made("t", "clean", 1.0, agent="my.py:Mine"),
     ]
-    planned = [*(record["id"].replace("my.py:Mine", "my.py_Mine") for record in items), lost]
+    planned_ids = [*(record["id"].replace("my.py:Mine", "my.py_Mine") for record in items), lost_id]
     for record in items:
         record["problem"] = record["problem"].encode("utf-8", "replace").decode()
-    run = run_of(tmp_path / "run", *items, episodes=planned)
+    run = run_of(tmp_path / "run", *items, episodes=planned_ids)
     path = tmp_path / "new" / "deep" / "junit.xml"
     gate = ReleaseGate.read(
         ["oracle:success.marks=0.5", "my.py:Mine:success=0.5"], path, AGENTS, LABELS
@@ -288,7 +288,7 @@ def test_a_junit_file_has_failures_for_gates_and_errors_for_what_has_no_score(tm
     assert failure.getparent().get("name") == "oracle:success.marks=0.5"
     errors = {case.getparent().get("name"): case for case in root.iter("error")}
     assert errors["u seed 0"].get("type") in ("invalid (machine)", "error (agent)")
-    assert errors[lost].get("type") == "missing"
+    assert errors[lost_id].get("type") == "missing"
     messages = {error.get("message") for error in errors.values()}
     texts = "".join(error.text for error in root.iter("error"))
     assert "raised\nin line 3" in texts

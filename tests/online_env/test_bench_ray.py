@@ -213,18 +213,22 @@ def test_a_process_that_is_killed_loses_the_episode_that_it_plays_and_no_other(
                 waiting.until(lambda: is_gone(desktop))  # Ray kills a little later
 
     (orders / "kill_me").touch()  # the first episode
-    chosen = bench(seeds=1)
-    listed = jobs(chosen)
+    config = bench(seeds=1)
+    listed = jobs(config)
     run = tmp_path / "run"
-    records.create(run, chosen.to_data())
-    setup = WorkerSetup(bench=chosen, folder=run, references=references(chosen))
+    records.create(run, config.to_data())
+    setup = WorkerSetup(bench=config, folder=run, references=references(config))
     with open_pool("ray", setup, len(listed), 1, cluster.address) as pool:
         assert run_jobs(listed, run, 1, pool, Kills(), reserve=pool.reserve) == {"ok": 2}
-    lost, again, second = records.read(run).records
-    assert (lost["status"], lost["cause"], lost["score"]) == ("error", "machine", None)
-    assert "the process that played the episode on" in lost["problem"]
-    assert not (run / "episodes" / lost["id"]).exists()
-    assert (again["id"], again["status"]) == (f"{lost['id']}__a1", "ok")
+    lost_record, again, second = records.read(run).records
+    assert (lost_record["status"], lost_record["cause"], lost_record["score"]) == (
+        "error",
+        "machine",
+        None,
+    )
+    assert "the process that played the episode on" in lost_record["problem"]
+    assert not (run / "episodes" / lost_record["id"]).exists()
+    assert (again["id"], again["status"]) == (f"{lost_record['id']}__a1", "ok")
     assert (second["attempt"], second["status"]) == (0, "ok")
 
 
@@ -258,10 +262,10 @@ parser: pyautogui
 def test_a_key_that_a_node_lacks_is_named_and_never_sent(cluster, tmp_path, monkeypatch):
     monkeypatch.setenv("AGENTHIJACK_TEST_KEY", "very-secret-0123")
     (tmp_path / "mine.yaml").write_text(AGENT_FILE)
-    chosen = bench(agents=(AGENTS.find(str(tmp_path / "mine.yaml")),))
+    config = bench(agents=(AGENTS.find(str(tmp_path / "mine.yaml")),))
     (tmp_path / "mine.yaml").unlink()  # what was read of it travels
     with pytest.raises(ClusterError, match=r"node \S+: .*AGENTHIJACK_TEST_KEY"):
-        played(tmp_path / "run", "ray", chosen, cluster.address, desktops=1)
+        played(tmp_path / "run", "ray", config, cluster.address, desktops=1)
     logs = Path(cluster.head_node.get_session_dir_path())
     paths = [path for path in logs.rglob("*") if path.is_file()]
     assert paths
@@ -305,16 +309,18 @@ def test_room_is_counted_in_cores_and_memory():
 
 
 def test_a_node_with_other_software_or_another_file_is_refused(tmp_path, monkeypatch):
-    mine = tmp_path / "mine.py"
-    mine.write_text("class Mine:\n    def predict(self, a, b): return '', []\n")
-    chosen = bench(agents=(AGENTS.find(f"{mine}:Mine"),))
-    setup = WorkerSetup(bench=chosen, folder=tmp_path, references=references(chosen))
+    agent_file = tmp_path / "mine.py"
+    agent_file.write_text("class Mine:\n    def predict(self, a, b): return '', []\n")
+    config = bench(agents=(AGENTS.find(f"{agent_file}:Mine"),))
+    setup = WorkerSetup(bench=config, folder=tmp_path, references=references(config))
     packed = worker_bundle.pack(setup)
-    mine.write_text("class Mine:\n    def predict(self, a, b): return '', ['DONE']\n")
-    with pytest.raises(ClusterError, match=f"{mine}: .*every node needs this file"):
+    agent_file.write_text("class Mine:\n    def predict(self, a, b): return '', ['DONE']\n")
+    with pytest.raises(ClusterError, match=f"{agent_file}: .*every node needs this file"):
         worker_bundle.unpack(packed, tmp_path / "node")
-    mine.unlink()
-    with pytest.raises(ClusterError, match=f"{mine}: .*No such file.*every node needs this file"):
+    agent_file.unlink()
+    with pytest.raises(
+        ClusterError, match=f"{agent_file}: .*No such file.*every node needs this file"
+    ):
         worker_bundle.unpack(packed, tmp_path / "node")
     monkeypatch.setattr(worker_bundle, "software", lambda: {**packed.software, "numpy": "1.0"})
     with pytest.raises(ClusterError, match=r"has numpy 1.0 instead of .*install the same"):
@@ -333,11 +339,11 @@ def test_agent_files_prompts_and_logs_travel(tmp_path, monkeypatch):
     for folder, name in texts.items():
         (tmp_path / folder).mkdir(parents=True)
         (tmp_path / folder / name).write_text(f"of {folder}")
-    chosen = bench(agents=("mine",))
+    config = bench(agents=("mine",))
     models = ModelOptions(prompts=tmp_path / "prompts", replay=tmp_path / "log")
     agent = read_agent("gpt-4o")
     AGENTS.add(FileAgentMaker(replace(agent, prompts=str(tmp_path / "own"))), "mine")
-    packed = worker_bundle.pack(WorkerSetup(bench=chosen, folder=tmp_path, models=models))
+    packed = worker_bundle.pack(WorkerSetup(bench=config, folder=tmp_path, models=models))
     shutil.rmtree(tmp_path / "own")
     (tmp_path / "node").mkdir()
     setup = worker_bundle.unpack(packed, tmp_path / "node")

@@ -82,9 +82,9 @@ def run(tmp_path):
 def test_each_line_names_the_line_before_it_and_the_record_in_its_folder(run):
     """However many are written at once, and whatever is in them."""
     first = made("a", "t", reason="\u2028 and \ud800")
-    kept = run / "episodes" / first["id"] / "episode.json"
-    kept.parent.mkdir(parents=True)
-    kept.write_text("{}")
+    episode_path = run / "episodes" / first["id"] / "episode.json"
+    episode_path.parent.mkdir(parents=True)
+    episode_path.write_text("{}")
     records.append_all(run, [first, made("a", "u")])
     records.append_all(run, [])
     records.append(run, made("a", "v"))
@@ -103,9 +103,9 @@ def ended(folder, task, attempt, **more):
     """Leave the folder of an episode that ended before its line was written."""
     record = {**made("a", task, **more), "attempt": attempt}
     record["id"] += f"__a{attempt}" if attempt else ""
-    place = folder / "episodes" / record["id"] / "episode.json"
-    place.parent.mkdir(parents=True)
-    place.write_text(json.dumps(record))
+    path = folder / "episodes" / record["id"] / "episode.json"
+    path.parent.mkdir(parents=True)
+    path.write_text(json.dumps(record))
     return record["id"]
 
 
@@ -126,13 +126,13 @@ def test_records_of_a_run_whose_head_is_gone_are_not_taken_for_those_of_a_new_on
     """They may be of another dataset or agent, and each would count as played already."""
     folder = run_of(tmp_path / "run", [made("a", "t", score=1.0)])
     (folder / "run.json").unlink()
-    kept = (folder / "records.jsonl").read_bytes()
+    journal_bytes = (folder / "records.jsonl").read_bytes()
     for begin in (records.create, records.resume):
         with pytest.raises(RunError) as error:
             begin(folder, CONFIG, ["t-0__clean__s0__a"])
         output = f"{folder}: is not empty (records.jsonl ...); give --out a new folder"
         assert str(error.value) == output
-    assert (folder / "records.jsonl").read_bytes() == kept
+    assert (folder / "records.jsonl").read_bytes() == journal_bytes
     (folder / "records.jsonl").write_bytes(b"")
     records.resume(folder, CONFIG, ["t-0__clean__s0__a"]).release()
     assert read(folder).missing == 1

@@ -61,17 +61,17 @@ def hijack(*words):
 
 
 def test_a_run_begins_in_a_new_folder_and_never_over_another(tmp_path):
-    place = tmp_path / "deep" / "run"
-    records.create(place, CONFIG)
-    head = json.loads((place / "run.json").read_text())
+    path = tmp_path / "deep" / "run"
+    records.create(path, CONFIG)
+    head = json.loads((path / "run.json").read_text())
     assert (head["format"], head["version"], head["config"]) == ("agenthijack-run", 3, CONFIG)
     assert {"agenthijack", "python", "numpy"} <= head["versions"].keys()
     assert head["created"] > 1.7e9
-    records.append(place, made())
-    before = (place / "records.jsonl").read_bytes()
+    records.append(path, made())
+    before = (path / "records.jsonl").read_bytes()
     with pytest.raises(RunError, match="holds a run already"):
-        records.create(place, CONFIG)
-    assert (place / "records.jsonl").read_bytes() == before
+        records.create(path, CONFIG)
+    assert (path / "records.jsonl").read_bytes() == before
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").touch()
     with pytest.raises(RunError, match=r"is not empty \(thesis.tex"):
@@ -82,11 +82,11 @@ def test_a_run_begins_in_a_new_folder_and_never_over_another(tmp_path):
 
 
 def test_records_come_back_as_they_were_appended(folder):
-    written = [made(), made(corruption="few", status="invalid"), made("Ω\n", score=0.25)]
-    for record in written:
+    new_records = [made(), made(corruption="few", status="invalid"), made("Ω\n", score=0.25)]
+    for record in new_records:
         records.append(folder, record)
     run = records.read(folder)
-    assert (run.records, run.damaged, run.config) == (written, [], CONFIG)
+    assert (run.records, run.damaged, run.config) == (new_records, [], CONFIG)
     assert (folder / "records.jsonl").read_bytes().count(b"\n") == 3
 
 
@@ -219,13 +219,13 @@ def test_intervals_and_p_rest_on_tasks_and_p_is_adjusted_for_all_corruptions():
             items.append(made(name, seed=seed))
             items.append(made(name, "few", score=0.0, seed=seed))
             items.append(made(name, "some", score=float(number % 2), seed=seed))
-    clean, few, some = scores.rows(items)
+    clean, few, some_row = scores.rows(items)
     assert (clean["success"], clean["delta"], clean["p"]) == (1.0, None, None)
     assert clean["ci_low"] == pytest.approx(1 - 0.3244, abs=1e-3)  # Wilson's for 0 of 8 tasks
     assert few["p"] == pytest.approx(2 * 2 / 2**8)
-    assert some["p"] == pytest.approx(2 / 2**4)
-    assert (some["delta"], some["retention"]) == (-0.5, 0.5)
-    assert -1 < some["delta_low"] < -0.5 < some["delta_high"] < 0
+    assert some_row["p"] == pytest.approx(2 / 2**4)
+    assert (some_row["delta"], some_row["retention"]) == (-0.5, 0.5)
+    assert -1 < some_row["delta_low"] < -0.5 < some_row["delta_high"] < 0
     assert list(clean) == list(scores.COLUMNS)
 
 
@@ -327,10 +327,10 @@ def test_bench_dry_run_and_refusals(tmp_path):
 def test_a_dry_run_says_what_is_left_in_its_folder(tmp_path):
     """And refuses what the run itself would refuse; it changes nothing."""
     words = ["embedded_small", "--agent", "oracle", "--corruptions", "clean,marks"]
-    chosen = override(load_bench("embedded_small"), agent="oracle", corruption="clean,marks")
-    listed = jobs(chosen)
+    config = override(load_bench("embedded_small"), agent="oracle", corruption="clean,marks")
+    listed = jobs(config)
     run = tmp_path / "run"
-    records.create(run, chosen.to_data(), [job.id for job in listed]).release()
+    records.create(run, config.to_data(), [job.id for job in listed]).release()
     first = listed[0]
     agent, task, label, seed = first.key
     entries = {"id": first.id, "agent": agent, "task": task, "task_seed": seed, "seed": seed}

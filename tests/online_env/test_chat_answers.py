@@ -90,8 +90,8 @@ def test_whatever_is_wrong_in_an_answer_it_is_an_error_of_the_endpoint_or_can_be
             body = wire.body(
                 ModelQuery(prompt=Prompt(), picture=screen_picture, turns=(turn,)), settings
             )
-            sent = json.dumps(wired(body))
-            assert '_id": null' not in sent, (path, junk)
+            body_text = json.dumps(wired(body))
+            assert '_id": null' not in body_text, (path, junk)
             went_on += 1
     assert went_on > 100
 

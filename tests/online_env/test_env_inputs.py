@@ -132,8 +132,8 @@ def test_events_of_the_x_server_prove_a_repetition():
 
 
 def test_a_trigger_with_a_cap_is_verified(tmp_path):
-    missed = hj.make_corruption("missed_input", step=Every(1))
-    env, _ = make(corruption=hj.OneOf([missed], p_clean=0.5, max_times=2), log=tmp_path)
+    missed_input = hj.make_corruption("missed_input", step=Every(1))
+    env, _ = make(corruption=hj.OneOf([missed_input], p_clean=0.5, max_times=2), log=tmp_path)
     play(env, *[CLICK] * 12, "DONE")
     assert len(env.record["inputs"]) == 2
     assert rebuild(tmp_path).problems == []
@@ -173,7 +173,7 @@ def test_two_faults_wait_side_by_side():
     play(env, "WAIT", TYPE, TYPE, TYPE, "DONE")
     # what gets lost uses up no repetition, which waits for the next action
     assert sent(env, stage) == ["pyautogui.sleep(0)", f"{TYPE}\n{TYPE}", TYPE]
-    assert [[each["input"] for each in entry["faults"]] for entry in env.record["inputs"]] == [
+    assert [[fault["input"] for fault in entry["faults"]] for entry in env.record["inputs"]] == [
         ["drop"],
         ["repeat"],
     ]

@@ -164,21 +164,21 @@ def test_a_desktop_is_free_again_when_its_episode_could_not_begin(made):
     def begins(name, fails):
         def begin():
             order.append(name)
-            value = opened[name]
+            value = open_sessions[name]
             value.begin("square", "clean", 0)
             if fails:
                 raise DesktopError("no luck")
 
         return begin
 
-    opened = {name: Session(BENCH, "model", None) for name in "ab"}
+    open_sessions = {name: Session(BENCH, "model", None) for name in "ab"}
 
     async def go():
         with anyio.fail_after(20):
             with pytest.raises(DesktopError, match="no luck"):
-                await sessions.open("a", opened["a"], begins("a", True))
-            await sessions.open("b", opened["b"], begins("b", False))
-            assert sessions["b"] is opened["b"]
+                await sessions.open("a", open_sessions["a"], begins("a", True))
+            await sessions.open("b", open_sessions["b"], begins("b", False))
+            assert sessions["b"] is open_sessions["b"]
             await sessions.close("b")
             await sessions.close("b")  # it has none any more
             await sessions.close("never opened")

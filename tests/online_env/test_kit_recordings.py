@@ -34,9 +34,9 @@ def test_a_melody_is_recognised_at_any_rate(machine, form):
 
 
 def test_another_melody_and_a_shorter_one_are_not(machine):
-    whole = heard(machine, recordings.wav_file(TUNE))
+    whole_sound = heard(machine, recordings.wav_file(TUNE))
     second = [*TUNE[:-1], TUNE[-1] * 2 ** (2 / 12)]
-    (problem,) = recordings.melody_problems(whole, second)
+    (problem,) = recordings.melody_problems(whole_sound, second)
     assert problem.startswith("note 8 has ")
     short = heard(machine, recordings.wav_file(TUNE[:4]))
     assert list(recordings.melody_problems(short, TUNE)) == ["it is 8.0 s long, not 16 s"]
@@ -61,8 +61,8 @@ def test_a_film_shows_each_scene_for_its_time(tmp_path):
     path.write_bytes(recordings.film(scenes))
     film = cv2.VideoCapture(str(path))
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 3 * recordings.SCENE * 5
-    for place, scene in enumerate(scenes):
-        film.set(cv2.CAP_PROP_POS_MSEC, 1000 * (place + 0.5) * recordings.SCENE)
+    for index, scene in enumerate(scenes):
+        film.set(cv2.CAP_PROP_POS_MSEC, 1000 * (index + 0.5) * recordings.SCENE)
         result = Image.fromarray(film.read()[1][:, :, ::-1])
         assert gimp.difference(result, scene) < 3
     film.release()

@@ -100,8 +100,8 @@ def test_a_run_records_the_file_of_each_task(folder: Path) -> None:
     assert set(code) == {"t-one", "t-two"}
     assert code["t-one"]["path"] == str(folder / "examples" / "os" / "t-one.json")
     put(folder, "t-one", instruction="Something else.")
-    changed = task_class(code["t-one"]["path"])
-    assert changed.source["sha256"] != code["t-one"]["sha256"]
+    changed_task = task_class(code["t-one"]["path"])
+    assert changed_task.source["sha256"] != code["t-one"]["sha256"]
 
 
 def test_another_process_reads_the_files_again(folder: Path) -> None:
@@ -207,9 +207,9 @@ def test_missing_files_are_named_before_a_run(folder: Path, tmp_path: Path, oswo
     cache = tmp_path / "cache"
     cache.mkdir()
     assert "t-three" in find_unplayable(listed, cache, on_machines, osworld_venv)
-    ((place,),) = [[file.path for file in list_cache_files(listed[0])]]
-    (cache / place).parent.mkdir(parents=True)
-    (cache / place).write_text("x")
+    ((cached_path,),) = [[file.path for file in list_cache_files(listed[0])]]
+    (cache / cached_path).parent.mkdir(parents=True)
+    (cache / cached_path).write_text("x")
     assert find_unplayable(listed, cache, folder=osworld_venv) == {}
 
 

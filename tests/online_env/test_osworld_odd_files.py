@@ -258,8 +258,8 @@ def test_a_summary_has_what_can_be_met_first_then_the_need_that_decides(tmp_path
         ("account", 1, "none: the account is somebody's"),
     ]
     lacking = list_all_needs(load(tmp_path), lambda config: ["no pandas"] * (config["id"] < "d"))
-    both = f"{fetch} and hijack osworld setup --tier mid"
-    assert ("files + packages", 1, both) in summary(lacking)
+    advice = f"{fetch} and hijack osworld setup --tier mid"
+    assert ("files + packages", 1, advice) in summary(lacking)
     assert summary([]) == []
 
 

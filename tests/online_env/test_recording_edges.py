@@ -105,8 +105,8 @@ def test_a_modifier_that_comes_between_two_clicks_parts_them():
 
 def test_the_windows_key_opens_a_menu_only_if_it_was_pressed_alone():
     assert [item.keys for item in told(key("key_down", "win"), key("key_up", "win"))] == [("win",)]
-    used = (key("key_down", "win"), key("key", "d"), key("key_up", "win"))
-    assert [item.keys for item in told(*used)] == [("win", "d")]
+    used_actions = (key("key_down", "win"), key("key", "d"), key("key_up", "win"))
+    assert [item.keys for item in told(*used_actions)] == [("win", "d")]
     assert told(key("key_up", "win")) == [], "it went down before the page was opened"
 
 
@@ -136,8 +136,8 @@ def test_a_part_of_a_picture_is_cut_to_it_and_keeps_what_lies_wholly_inside():
         ClickTarget("edge", "push-button", (105, 55, 130, 80)),
         ClickTarget("across", "push-button", (100, 60, 120, 70)),
     ]
-    whole = Picture("window", "geany", (100, 50, 160, 90), pixels, "made", targets)
-    part = whole.part("panel", (105, 55, 130, 999), made_by="cut")
+    window_picture = Picture("window", "geany", (100, 50, 160, 90), pixels, "made", targets)
+    part = window_picture.part("panel", (105, 55, 130, 999), made_by="cut")
     assert (part.kind, part.app, part.box, part.made_by) == (
         "panel",
         "geany",
@@ -158,8 +158,10 @@ def test_a_desktop_that_fails_loses_the_rest_of_its_scene_only(monkeypatch, tmp_
 
     monkeypatch.setattr(assets, "EmbeddedDesktop", Desktop)
     output = []
-    lost = assets.record_assets(tmp_path, ["icon", "menu"], [(720, 1280), SIZE], output.append)
-    assert [(item.name, item.reason) for item in lost] == [
+    missing_assets = assets.record_assets(
+        tmp_path, ["icon", "menu"], [(720, 1280), SIZE], output.append
+    )
+    assert [(item.name, item.reason) for item in missing_assets] == [
         ("the rest of menus", "no desktop of 1920x1080"),
         ("the rest of parts", "no desktop of 1920x1080"),
     ]

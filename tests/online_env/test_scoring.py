@@ -73,9 +73,9 @@ def edit(folder, name, change):
     table = pq.read_table(file)
     values = table.column(name).to_pylist()
     change(values)
-    place = table.schema.get_field_index(name)
-    field = table.schema.field(place)
-    pq.write_table(table.set_column(place, field, pa.array(values, field.type)), file)
+    index = table.schema.get_field_index(name)
+    field = table.schema.field(index)
+    pq.write_table(table.set_column(index, field, pa.array(values, field.type)), file)
 
 
 def hijack(*words, **more):
@@ -160,8 +160,8 @@ def test_an_agent_that_misbehaves_costs_its_row_and_nothing_else(agents, tmp_pat
 
 def test_each_row_is_an_episode_of_its_own(clicks, agents, tmp_path):
     for name in ("Remembers", "Resets"):
-        chosen = settings_for(clicks, f"{agents}:{name}")
-        _, run = played(chosen, tmp_path / name)
+        settings = settings_for(clicks, f"{agents}:{name}")
+        _, run = played(settings, tmp_path / name)
         value = by_row(run)
         assert value["t0/0000/clean"]["score"] == value["t0/0000/resolution"]["score"] == 1
     assert {record["said"] for record in run.records} == {"made 1"}
@@ -170,8 +170,8 @@ def test_each_row_is_an_episode_of_its_own(clicks, agents, tmp_path):
 def test_batches_and_a_batch_that_fails(agents, tmp_path):
     steps = [*CLICKS, {"instruction": "raise 100,50"}, {"instruction": "click 100,50"}]
     folder = dataset(tmp_path, steps)
-    chosen = settings_for(folder, f"{agents}:Batched", batch=4)
-    notices, run = played(chosen, tmp_path / "run")
+    settings = settings_for(folder, f"{agents}:Batched", batch=4)
+    notices, run = played(settings, tmp_path / "run")
     assert len(run.records) == 8
     assert Counter(record["score"] for record in run.records) == {1: 6, 0: 2}
     output = Counter(record["said"] for record in run.records)
@@ -184,8 +184,8 @@ def test_workers_do_not_change_the_records(agents, tmp_path):
     folder = dataset(tmp_path, CLICKS * 10)
     items = []
     for workers in (1, 3):
-        chosen = settings_for(folder, "random", workers=workers)
-        _, run = played(chosen, tmp_path / f"run{workers}")
+        settings = settings_for(folder, "random", workers=workers)
+        _, run = played(settings, tmp_path / f"run{workers}")
         items.append({row: (r["last_action"], r["score"]) for row, r in by_row(run).items()})
     assert len(items[0]) == 40
     assert items[0] == items[1]
@@ -242,11 +242,11 @@ def test_another_run_is_refused(clicks, agents, tmp_path):
         score_run.begin(out, resume=True)
     with pytest.raises(RunError, match="holds a run already"):
         ScoreRun(settings_for(clicks, "fail")).begin(out, resume=False)
-    moved = shutil.copytree(clicks, tmp_path / "moved")
-    ScoreRun(settings_for(moved, "fail")).begin(out, resume=True).release()
-    changed = dataset(tmp_path, CLICKS[:1])
+    moved_folder = shutil.copytree(clicks, tmp_path / "moved")
+    ScoreRun(settings_for(moved_folder, "fail")).begin(out, resume=True).release()
+    other_dataset = dataset(tmp_path, CLICKS[:1])
     with pytest.raises(RunError, match="is another run: content was"):
-        ScoreRun(settings_for(changed, "fail")).begin(out, resume=True)
+        ScoreRun(settings_for(other_dataset, "fail")).begin(out, resume=True)
 
 
 def test_a_run_keeps_where_it_was_scored_and_what_agents_were_given(clicks, tmp_path):
@@ -269,9 +269,9 @@ def test_a_run_keeps_where_it_was_scored_and_what_agents_were_given(clicks, tmp_
 def test_what_is_selected(tmp_path):
     steps = [*CLICKS, {"action": {"type": "other"}, "target_box": None}, {"instruction": "c 1,1"}]
     folder = dataset(tmp_path, steps, "marks,resolution", splits={"train": 0.5, "test": 0.5})
-    every = ScoreRun(settings_for(folder, "fail"))
-    assert len(every.cases.cases) == 9
-    assert every.cases.unscored == 3
+    run = ScoreRun(settings_for(folder, "fail"))
+    assert len(run.cases.cases) == 9
+    assert run.cases.unscored == 3
     marks = ScoreRun(settings_for(folder, "fail", selection=Selection(corruptions=("marks",))))
     assert marks.cases.labels == ("clean", "marks")
     first = ScoreRun(settings_for(folder, "fail", selection=Selection(limit=2)))
@@ -400,16 +400,16 @@ def test_the_command_and_the_report(clicks, agents, tmp_path):
 def test_verify_finds_what_was_edited(clicks, tmp_path):
     out = tmp_path / "run"
     played(settings_for(clicks, "fail"), out)
-    whole = rebuild(out)
-    assert whole.ok
-    assert any("hijack score makes them again" in text for text in whole.unproved)
+    report = rebuild(out)
+    assert report.ok
+    assert any("hijack score makes them again" in text for text in report.unproved)
     answers = len((out / "records.jsonl").read_text().splitlines())
-    assert whole.lines()[0] == f"{out}: {answers} answers to rows of a dataset: nothing differs"
+    assert report.lines()[0] == f"{out}: {answers} answers to rows of a dataset: nothing differs"
     path = out / "records.jsonl"
-    kept = path.read_text()
-    path.write_text(kept.replace('"score": 0.0', '"score": 1.0', 1))
+    text_before = path.read_text()
+    path.write_text(text_before.replace('"score": 0.0', '"score": 1.0', 1))
     assert any("line 2: does not follow on line 1" in text for text in rebuild(out).problems)
-    path.write_text("".join(kept.splitlines(keepends=True)[:-1]))
+    path.write_text("".join(text_before.splitlines(keepends=True)[:-1]))
     assert any("1 of 4 planned episodes" in text for text in rebuild(out).problems)
 
 
@@ -467,11 +467,11 @@ def test_a_corruption_of_which_no_row_is_left_is_refused(clicks, agents, tmp_pat
         labels[labels.index("resolution")] = "marks"
 
     edit(folder, "corruption", rename)
-    chosen = Selection(corruptions=("marks",), limit=1)
-    assert ScoreRun(settings_for(folder, "fail", selection=chosen)).cases.labels == (
+    selection = Selection(corruptions=("marks",), limit=1)
+    assert ScoreRun(settings_for(folder, "fail", selection=selection)).cases.labels == (
         "clean",
         "marks",
     )
-    chosen = Selection(corruptions=("marks", "resolution"), limit=1)
+    selection = Selection(corruptions=("marks", "resolution"), limit=1)
     with pytest.raises(ParameterError, match=r"no row of 'resolution' is left.*the dataset has 1"):
-        ScoreRun(settings_for(folder, "fail", selection=chosen))
+        ScoreRun(settings_for(folder, "fail", selection=selection))

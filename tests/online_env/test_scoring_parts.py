@@ -68,11 +68,11 @@ def test_precision_and_recall_are_over_all_corruptions_and_their_mean_is_f1():
         ]
     )
     by_label = {row["corruption"]: row for row in result}
-    every = by_label["all"]
-    assert (every["n"], every["precision"], every["recall"]) == (7, 2 / 3, 2 / 3)
-    harmonic = 2 / (1 / every["precision"] + 1 / every["recall"])
-    assert every["f1"] == pytest.approx(harmonic)
-    assert every["false_alarms"] == 1 / 4
+    total = by_label["all"]
+    assert (total["n"], total["precision"], total["recall"]) == (7, 2 / 3, 2 / 3)
+    harmonic = 2 / (1 / total["precision"] + 1 / total["recall"])
+    assert total["f1"] == pytest.approx(harmonic)
+    assert total["false_alarms"] == 1 / 4
     lock = by_label["lock"]
     assert (lock["precision"], lock["recall"], lock["false_alarms"]) == (1.0, 2 / 3, None)
     clean = by_label["clean"]

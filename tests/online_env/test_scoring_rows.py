@@ -220,9 +220,9 @@ def test_ctrl_c_while_rows_are_written_appends_none_of_them_twice(tmp_path, monk
     with pytest.raises(KeyboardInterrupt):
         run._write(out, values, lambda _: None)
     monkeypatch.undo()
-    kept = records.read(out)
-    assert kept.damaged == []
-    assert [record["id"] for record in kept.records] == [
+    stored_records = records.read(out)
+    assert stored_records.damaged == []
+    assert [record["id"] for record in stored_records.records] == [
         record["id"] for record in values[: run.MAX_UNWRITTEN_ROWS]
     ]
 

@@ -198,10 +198,10 @@ def test_beside_an_article_are_four_others_those_of_its_section_first(web):
         values = [
             item for item in matches if result[item].head["section"] == article.head["section"]
         ]
-        rest = [item for item in matches if item not in values]
+        other_items = [item for item in matches if item not in values]
         beside = web.get(f"news.test/article/{slug}").text.partition("Read next")[2]
         value = [item for item in matches if f"/article/{item}" in beside]
-        assert set(value) == set((values + rest)[:4]), slug
+        assert set(value) == set((values + other_items)[:4]), slug
 
 
 def test_a_section_has_its_articles_however_its_name_is_spelled(web):

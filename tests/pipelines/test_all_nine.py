@@ -138,10 +138,12 @@ def first_steps(data: Path, folder: Path) -> Path:
         record = json.loads(file.read_text())
         listed = "traj" if "traj" in record else "steps"
         file.write_text(json.dumps({**record, listed: record[listed][:STEPS]}))
-    for place in [path for path in sorted(folder.iterdir()) if (path / "images").is_dir()][2:]:
-        shutil.rmtree(place)
-    for place in folder.glob("*/images"):
-        for file in sorted(place.parent.glob("*.json"))[STEPS:]:
+    for recording_folder in [
+        path for path in sorted(folder.iterdir()) if (path / "images").is_dir()
+    ][2:]:
+        shutil.rmtree(recording_folder)
+    for recording_folder in folder.glob("*/images"):
+        for file in sorted(recording_folder.parent.glob("*.json"))[STEPS:]:
             file.unlink()
     return folder
 
@@ -336,12 +338,12 @@ def test_each_corruption_has_rows_or_a_reason(built: Built) -> None:
 
 def test_stats_counts_the_same(built: Built) -> None:
     data = stats(built.whole).to_data()
-    counted = Counter(row["corruption"] for row in built.about())
+    counts = Counter(row["corruption"] for row in built.about())
     assert {label: value["rows"] for label, value in data["corruptions"].items()} == dict(
         built.report.rows
     )
-    assert +Counter(built.report.rows) == counted
-    assert data["rows"] == counted.total() == len(open_dataset(built.lazy))
+    assert +Counter(built.report.rows) == counts
+    assert data["rows"] == counts.total() == len(open_dataset(built.lazy))
     assert (data["not_applicable"], data["dropped"], data["rejected"]) == (built.case.lacks, {}, {})
     for label, value in data["corruptions"].items():
         assert value["inserted"] == (value["rows"] if label in INSERTED else 0)
@@ -389,13 +391,13 @@ def test_lazy_and_materialised_are_equal_and_verified(built: Built) -> None:
 
 
 def test_datasets_loads_it(built: Built, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = load(built.whole, tmp_path / "cache", monkeypatch)
+    whole_rows = load(built.whole, tmp_path / "cache", monkeypatch)
     lazy = load(built.lazy, tmp_path / "cache", monkeypatch).with_transform(render)
-    assert whole["id"] == lazy["id"] == [row["id"] for row in built.about()]
-    assert Counter(whole["corruption"]) == +Counter(built.report.rows)
-    last = len(whole) - 1
-    assert np.array_equal(pixels(whole[last]), pixels(lazy[last]))
-    assert whole[last]["action"] == lazy[last]["action"]
+    assert whole_rows["id"] == lazy["id"] == [row["id"] for row in built.about()]
+    assert Counter(whole_rows["corruption"]) == +Counter(built.report.rows)
+    last = len(whole_rows) - 1
+    assert np.array_equal(pixels(whole_rows[last]), pixels(lazy[last]))
+    assert whole_rows[last]["action"] == lazy[last]["action"]
 
 
 def test_chat_rows_say_the_labels(built: Built, tmp_path: Path) -> None:

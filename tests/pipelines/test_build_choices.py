@@ -72,11 +72,11 @@ def test_load_dataset_finds_the_splits(
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     shares = {"train": 0.4, "validation": 0.3, "test": 0.3}
     build(recording(trajectories=12, steps=1), tmp_path / "out", corruptions=HALF, splits=shares)
-    loaded = datasets.load_dataset(str(tmp_path / "out"), cache_dir=str(tmp_path / "cache"))
-    assert {name: len(part) for name, part in loaded.items()} == {
+    dataset_rows = datasets.load_dataset(str(tmp_path / "out"), cache_dir=str(tmp_path / "cache"))
+    assert {name: len(part) for name, part in dataset_rows.items()} == {
         name: 2 * count for name, count in Counter(split_of(tmp_path / "out").values()).items()
     }
-    assert set(loaded) == set(shares)
+    assert set(dataset_rows) == set(shares)
 
 
 def test_splits_in_a_configuration_make_the_same_dataset_again(
@@ -199,13 +199,13 @@ def test_a_trial_counts_as_the_build_does_and_writes_nothing(
     image = browsing / "images" / "t1-1.png"
     image.write_bytes(image.read_bytes()[:-1000])
     options: dict[str, Any] = {"corruptions": nine, "assets": assets, "label_policy": "drop"}
-    tried = build(browsing, tmp_path / "out", **options, dry_run=True)
+    dry_report = build(browsing, tmp_path / "out", **options, dry_run=True)
     assert not (tmp_path / "out").exists()
     value = build(browsing, tmp_path / "out", **options)
     for field in ("rows", "rejected", "not_applicable", "dropped", "examples"):
-        assert getattr(tried, field) == getattr(value, field), field
+        assert getattr(dry_report, field) == getattr(value, field), field
     assert value.rejected == 2
-    assert "nothing was written" in tried.lines()[0]
+    assert "nothing was written" in dry_report.lines()[0]
     with pytest.raises(SourceError):
         build(browsing, tmp_path / "x", **options, dry_run=True, strict=True)
 

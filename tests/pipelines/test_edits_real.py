@@ -39,14 +39,16 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_our_recordings(built: Path) -> None:
     pictures = 0
-    for left, right in zip(
+    for first_row, right in zip(
         open_dataset(built / "materialised"), open_dataset(built / "lazy"), strict=True
     ):
-        if left["corruption"] != "clean":
-            assert np.array_equal(np.asarray(left["screenshot"]), np.asarray(right["screenshot"]))
+        if first_row["corruption"] != "clean":
+            assert np.array_equal(
+                np.asarray(first_row["screenshot"]), np.asarray(right["screenshot"])
+            )
             pictures += 1
-        del left["screenshot"], right["screenshot"]
-        assert left == right
+        del first_row["screenshot"], right["screenshot"]
+        assert first_row == right
     assert pictures == 10
     for output in ("materialised", "lazy"):
         report = verify(built / output)

@@ -44,12 +44,12 @@ def test_both_kinds_are_equal_row_by_row(
             clean=clean,
         )
     count = 0
-    for left, right in zip(
+    for first_row, right in zip(
         open_dataset(tmp_path / "materialised"), open_dataset(tmp_path / "lazy"), strict=True
     ):
-        assert list(left) == list(right) == list(COLUMNS)
-        assert left.pop("screenshot").tobytes() == right.pop("screenshot").tobytes()
-        assert left == right
+        assert list(first_row) == list(right) == list(COLUMNS)
+        assert first_row.pop("screenshot").tobytes() == right.pop("screenshot").tobytes()
+        assert first_row == right
         count += 1
     reports = [verify(tmp_path / output) for output in ("materialised", "lazy")]
     assert [report.problems for report in reports] == [[], []]
@@ -64,22 +64,20 @@ def test_load_dataset_reads_events(
     datasets = pytest.importorskip("datasets")
     datasets.disable_progress_bars()
     build(browsing, tmp_path / "out", corruptions=",".join(FIVE), assets=assets, output="lazy")
-    loaded = datasets.load_dataset(
+    dataset_rows = datasets.load_dataset(
         str(tmp_path / "out"), split="train", cache_dir=str(tmp_path / "cache")
     )
-    assert {name: loaded.features[name].dtype for name in ("event", "reminder", "inserted")} == {
-        "event": "string",
-        "reminder": "string",
-        "inserted": "bool",
-    }
+    assert {
+        name: dataset_rows.features[name].dtype for name in ("event", "reminder", "inserted")
+    } == {"event": "string", "reminder": "string", "inserted": "bool"}
     ours = list(open_dataset(tmp_path / "out"))
-    for theirs, row in zip(loaded.with_transform(render), ours, strict=True):
-        assert (theirs["event"], theirs["inserted"], theirs["action"]) == (
+    for loaded_row, row in zip(dataset_rows.with_transform(render), ours, strict=True):
+        assert (loaded_row["event"], loaded_row["inserted"], loaded_row["action"]) == (
             row["event"],
             row["inserted"],
             row["action"],
         )
-        assert theirs["screenshot"].tobytes() == row["screenshot"].tobytes()
+        assert loaded_row["screenshot"].tobytes() == row["screenshot"].tobytes()
 
 
 def test_a_resumed_build_ends_in_the_same_bytes(

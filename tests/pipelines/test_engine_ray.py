@@ -262,18 +262,18 @@ def test_the_source_is_read_as_shards_are_done(
 ) -> None:
     monkeypatch.setattr(engine, "FIRST_WAVE_SHARDS", 1)
     monkeypatch.setattr(engine, "MAX_WAVE_SHARDS", 2)
-    tasks, taken = tasks_of(recording(trajectories=9, steps=1)), []
+    tasks, taken_tasks = tasks_of(recording(trajectories=9, steps=1)), []
 
     def source() -> Iterator[ShardTask]:
         for task in tasks:
-            taken.append(task.index)
+            taken_tasks.append(task.index)
             yield task
 
     (tmp_path / "out" / "data").mkdir(parents=True)
     (tmp_path / "out" / ".build").mkdir()
     settings, ahead, values = RowSettings((("marks", Marks()),)), [], []
     for record in engine.run(source(), settings, tmp_path / "out", 1, lambda _: None):
-        ahead.append(len(taken) - len(values))
+        ahead.append(len(taken_tasks) - len(values))
         values.append(record.index)
     assert sorted(values) == list(range(9))
     assert ahead[0] == 1  # the first shard is done before the third is read

@@ -191,8 +191,8 @@ def test_summaries(source: Path, assets: Path, tmp_path: Path, output: str) -> N
         requests, answered = said(row, 2)
         assert answered == row["summary"]
         assert f"\nAction: {row['action_text']}\n" in requests
-        place = f"({before['action']['x']}, {before['action']['y']})"
-        assert row["summary"].startswith(f"The agent clicked at {place}. ")
+        point_text = f"({before['action']['x']}, {before['action']['y']})"
+        assert row["summary"].startswith(f"The agent clicked at {point_text}. ")
         if after["event"]:
             assert row["summary"].endswith(f". {NOT_THE_AGENT} {after['event']}")
             assert row["changed"] is None
@@ -357,18 +357,18 @@ def test_actions_that_nothing_is_known_of(recording: Any, assets: Path, tmp_path
 
 
 def test_one_step_is_read_at_a_time() -> None:
-    taken: list[int] = []
+    taken_counts: list[int] = []
 
     def shots() -> Any:
         for number in range(20):
-            taken.append(number)
+            taken_counts.append(number)
             yield RowFrame(
                 {"trajectory_id": "t", "step": number // 4, "corruption": f"c{number % 4}"}, b""
             )
 
     steps = frames_by_step(shots())
-    assert [len(next(steps).frames), len(taken)] == [4, 5]
-    assert [next(steps).step, len(taken)] == [1, 9]
+    assert [len(next(steps).frames), len(taken_counts)] == [4, 5]
+    assert [next(steps).step, len(taken_counts)] == [1, 9]
 
 
 def test_lazy_and_materialised_give_the_same_bytes(
@@ -406,11 +406,13 @@ def test_tables_load(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     sizes = {}
     for name in TABLES:
         folder = str(tmp_path / "out" / name)
-        loaded = datasets.load_dataset(folder, split="train", cache_dir=str(tmp_path / "cache"))
-        sizes[name] = len(loaded)
-        picture = loaded[0]["before" if name == "summaries" else "screenshot"]
+        dataset_rows = datasets.load_dataset(
+            folder, split="train", cache_dir=str(tmp_path / "cache")
+        )
+        sizes[name] = len(dataset_rows)
+        picture = dataset_rows[0]["before" if name == "summaries" else "screenshot"]
         assert picture.size == (320, 200)
-        assert loaded[0]["messages"][1]["role"] == "assistant"
+        assert dataset_rows[0]["messages"][1]["role"] == "assistant"
     assert sum(sizes.values()) == report.total
     assert sizes == {"reminders": 12, "summaries": 42, "recovery": 6}
 

@@ -96,13 +96,13 @@ def test_a_task_with_the_annotators_description_only(source: Path) -> None:
 
 def change(record: dict[str, Any], path: str, value: object) -> dict[str, Any]:
     """Return a copy with the value at `path` (`traj.0.image`) replaced; `None` removes it."""
-    changed = copy.deepcopy(record)
+    changed_record = copy.deepcopy(record)
     *parents, last = [int(key) if key.isdigit() else key for key in path.split(".")]
-    place: Any = changed
+    node: Any = changed_record
     for key in parents:
-        place = place[key]
-    place[last] = value
-    return changed
+        node = node[key]
+    node[last] = value
+    return changed_record
 
 
 @pytest.mark.parametrize(

@@ -66,9 +66,9 @@ def test_a_recording_is_told_by_its_file_alone(name: str, source: Path) -> None:
 def test_two_formats_in_one_folder_are_never_guessed(one: str, other: str, source: Path) -> None:
     for name in (one, other):
         # these look at the top folder only
-        place = source if name in ("agentnet", "jsonl", "runs") else source / name
-        place.mkdir(exist_ok=True)
-        EVERY[name](place)
+        node = source if name in ("agentnet", "jsonl", "runs") else source / name
+        node.mkdir(exist_ok=True)
+        EVERY[name](node)
     with pytest.raises(SourceError, match="could be of format") as caught:
         detect_format(source)
     assert one in str(caught.value)
@@ -237,7 +237,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         if isinstance(value, list)
         else ()
     )
-    return [path, *(place for key, item in inner for place in places(item, (*path, key)))]
+    return [path, *(item_path for key, item in inner for item_path in places(item, (*path, key)))]
 
 
 def replaced(value: Any, path: tuple[Any, ...], new: Any) -> Any:

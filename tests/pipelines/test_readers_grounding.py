@@ -99,8 +99,8 @@ def test_what_a_set_says_of_the_screen_is_kept(tmp_path: Path) -> None:
     }
     for number, (maker, (domain, apps)) in enumerate(makers.items()):
         folder = make(tmp_path / str(number), [maker("0.png", CORNERS[1], "a")])
-        (found,), _ = read(folder)
-        assert (found.domain, found.apps) == (domain, apps)
+        (trajectory,), _ = read(folder)
+        assert (trajectory.domain, trajectory.apps) == (domain, apps)
 
 
 def test_boxes_of_one_picture_are_its_elements(tmp_path: Path) -> None:
@@ -183,9 +183,9 @@ def test_the_sample_of_every_reader(tmp_path: Path) -> None:
 
 def published(folder: Path, table: str, pictures: str, rows: list[Any]) -> Path:
     for number in range(3):
-        place = folder / pictures / f"{number}.png"
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(png(number))
+        path = folder / pictures / f"{number}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(png(number))
     write_json(folder / table, rows)
     return folder
 

@@ -30,16 +30,16 @@ def change(file: Path, *keys: Any, value: Any) -> None:
 
 def test_cua_gives_each_action_the_screen_before_it(tmp_path: Path) -> None:
     cua(tmp_path, Shots(clicks=((10, 10), (20, 20), (30, 30))))
-    (found,), rejected = read_source(tmp_path, "cua")
+    (trajectory,), rejected = read_source(tmp_path, "cua")
     assert not rejected
-    assert [s.action for s in found] == [
+    assert [s.action for s in trajectory] == [
         Action("click", 100, 50),
         Action("click", 200, 100),
         Action("click", 300, 150),
         Action("wait"),
     ]
-    assert [read_picture(s.image, "") for s in found] == [png(i) for i in range(4)]
-    assert found.id == "2025-08-01_a-model_101500_ab12"
+    assert [read_picture(s.image, "") for s in trajectory] == [png(i) for i in range(4)]
+    assert trajectory.id == "2025-08-01_a-model_101500_ab12"
 
 
 def test_cua_without_a_look_has_no_screen_for_the_first_action(tmp_path: Path) -> None:
@@ -47,9 +47,9 @@ def test_cua_without_a_look_has_no_screen_for_the_first_action(tmp_path: Path) -
     (first,) = tmp_path.glob("*/turn_000/*_computer_call_result.json")
     first.unlink()
     next(tmp_path.glob("*/turn_000/*_screenshot_after.png")).unlink()
-    (found,), (rejected,) = read_source(tmp_path, "cua")
+    (trajectory,), (rejected,) = read_source(tmp_path, "cua")
     assert "before this action" in rejected.reason
-    assert [read_picture(s.image, "") for s in found] == [png(1)]
+    assert [read_picture(s.image, "") for s in trajectory] == [png(1)]
 
 
 @pytest.mark.parametrize(
@@ -65,9 +65,9 @@ def test_a_bad_call_of_cua_never_loses_the_rest(action: Any, reason: str, tmp_pa
     cua(tmp_path)
     (file,) = tmp_path.glob("*/turn_001/*_computer_call_result.json")
     change(file, "item", "action", value=action)
-    (found,), (rejected,) = read_source(tmp_path, "cua")
+    (trajectory,), (rejected,) = read_source(tmp_path, "cua")
     assert reason in rejected.reason
-    assert [s.action.type for s in found] == ["wait"]
+    assert [s.action.type for s in trajectory] == ["wait"]
 
 
 def test_a_function_of_cua_does_not_say_its_space(tmp_path: Path) -> None:
@@ -84,14 +84,14 @@ def test_a_function_of_cua_does_not_say_its_space(tmp_path: Path) -> None:
 @pytest.mark.parametrize("shots", [Shots(), TALL])
 def test_phones(name: str, maker: Any, shots: Shots, tmp_path: Path) -> None:
     maker(tmp_path, shots=shots)
-    (found,), rejected = read_source(tmp_path, name)
+    (trajectory,), rejected = read_source(tmp_path, name)
     assert not rejected
-    assert [s.action.point for s in found][:-1] == shots.pixels
-    assert [read_picture(s.image, "") for s in found] == [
+    assert [s.action.point for s in trajectory][:-1] == shots.pixels
+    assert [read_picture(s.image, "") for s in trajectory] == [
         shots.picture(i) for i in range(len(shots.clicks) + 1)
     ]
-    assert isinstance(found, RecordedTrajectory)
-    assert (found.screen, found.domain) == ("phone", "android")
+    assert isinstance(trajectory, RecordedTrajectory)
+    assert (trajectory.screen, trajectory.domain) == ("phone", "android")
 
 
 @pytest.mark.parametrize(
@@ -112,12 +112,12 @@ def test_actions_of_gui_odyssey(step: Any, expected: Any, tmp_path: Path) -> Non
     gui_odyssey(tmp_path)
     file = tmp_path / "annotations" / "e1.json"
     change(file, "steps", 0, value={"step": 0, "screenshot": "e1_0.png", **step})
-    (found,), rejected = read_source(tmp_path, "gui_odyssey")
+    (trajectory,), rejected = read_source(tmp_path, "gui_odyssey")
     if isinstance(expected, str):
         assert [expected in r.reason for r in rejected] == [True]
-        assert [s.action.type for s in found] == ["done"]
+        assert [s.action.type for s in trajectory] == ["done"]
     else:
-        assert (found.steps[0].action, rejected) == (expected, [])
+        assert (trajectory.steps[0].action, rejected) == (expected, [])
 
 
 @pytest.mark.parametrize(
@@ -141,13 +141,13 @@ def test_actions_of_gui_odyssey(step: Any, expected: Any, tmp_path: Path) -> Non
 def test_actions_of_android_control(action: Any, expected: Any, tmp_path: Path) -> None:
     android_control(tmp_path)
     change(tmp_path / "7.json", "actions", 0, value=action)
-    (found,), rejected = read_source(tmp_path, "android_control")
+    (trajectory,), rejected = read_source(tmp_path, "android_control")
     if isinstance(expected, str):
         assert [expected in r.reason for r in rejected] == [True]
-        assert len(found.steps) == 1
+        assert len(trajectory.steps) == 1
     else:
-        assert (found.steps[0].action, rejected) == (expected, [])
-        assert found.apps == (("Clock",) if "app_name" in action else ())
+        assert (trajectory.steps[0].action, rejected) == (expected, [])
+        assert trajectory.apps == (("Clock",) if "app_name" in action else ())
 
 
 @pytest.mark.parametrize("name", ["android_control-00000-of-00020", "general.tfrecord"])

@@ -67,37 +67,41 @@ def test_steps_are_clean_screens_with_the_actions_on_the_screen(tmp_path):
     )
     record = played(tmp_path, VISUAL["resolution"], actions)
     assert detect_format(tmp_path) == "runs"
-    (found,), rejected = read(tmp_path)
+    (trajectory,), rejected = read(tmp_path)
     assert rejected == []
-    assert (found.id, found.sample, found.instruction) == (record["id"], "do-3", "Open the file")
-    assert (found.apps, found.source) == (("files",), "runs")
-    assert [step.index for step in found] == [0, 1, 2, 3]
-    assert [step.action for step in found] == [
+    assert (trajectory.id, trajectory.sample, trajectory.instruction) == (
+        record["id"],
+        "do-3",
+        "Open the file",
+    )
+    assert (trajectory.apps, trajectory.source) == (("files",), "runs")
+    assert [step.index for step in trajectory] == [0, 1, 2, 3]
+    assert [step.action for step in trajectory] == [
         Action("click", 20, 40),
         Action("type", text="a"),
         Action("other"),
         Action("done"),
     ]
-    assert [step.action_code for step in found] == [
+    assert [step.action_code for step in trajectory] == [
         "pyautogui.click(20, 40)",
         "pyautogui.write('a')",
         "REQUEST_REINIT",
         "DONE",
     ]
-    assert [Path(step.image).name for step in found] == [f"{k:04d}.png" for k in range(4)]
+    assert [Path(step.image).name for step in trajectory] == [f"{k:04d}.png" for k in range(4)]
 
 
 def test_elements_are_those_that_the_plan_was_given(tmp_path):
     played(tmp_path, VISUAL["pop_ups"], size=SCREEN)
-    (found,), _ = read(tmp_path)
-    assert {step.elements for step in found} == {((10, 20, 110, 50), (300, 200, 380, 240))}
+    (trajectory,), _ = read(tmp_path)
+    assert {step.elements for step in trajectory} == {((10, 20, 110, 50), (300, 200, 380, 240))}
 
 
 @pytest.mark.parametrize("where", ["", "episodes", "episodes/{id}", "episodes/{id}/steps.jsonl"])
 def test_a_run_an_episode_and_its_file_can_be_read(tmp_path, where):
     record = played(tmp_path)
-    (found,), _ = read(tmp_path / where.format(**record))
-    assert len(tuple(found)) == 3
+    (trajectory,), _ = read(tmp_path / where.format(**record))
+    assert len(tuple(trajectory)) == 3
     if where != "episodes":
         assert detect_format(tmp_path / where.format(**record)) == "runs"
 
@@ -125,8 +129,8 @@ def test_what_is_no_sample_is_left_out_with_the_reason(tmp_path):
 
 def test_screens_after_an_effect_are_not_clean(tmp_path):
     played(tmp_path, Marking(1), ("WAIT", "WAIT", "DONE"))
-    (found,), (reason,) = read(tmp_path)
-    assert [step.index for step in found] == [0]
+    (trajectory,), (reason,) = read(tmp_path)
+    assert [step.index for step in trajectory] == [0]
     assert "after test_mark show what it did" in reason
     played(tmp_path / "other", Marking(-1), ("WAIT", "DONE"))
     assert read(tmp_path / "other")[0] == []
@@ -139,8 +143,8 @@ def test_a_damaged_log_is_reported_with_line_and_field(tmp_path):
     rows[0]["image"] = "../../secret.png"
     rows[1]["code"] = "pyautogui.click(9999, 20)"
     path.write_text("".join(json.dumps(row) + "\n" for row in rows) + "not json\n")
-    (found,), rejected = read(tmp_path)
-    assert [step.index for step in found] == [2]
+    (trajectory,), rejected = read(tmp_path)
+    assert [step.index for step in trajectory] == [2]
     assert ["line 1" in r or "line 2" in r or "line 5" in r for r in rejected] == [True] * 3
     assert "leaves the source folder" in rejected[0]
     assert "outside" in rejected[1]

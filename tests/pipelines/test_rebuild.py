@@ -101,10 +101,10 @@ def test_whatever_differs_is_named_with_file_and_step(tmp_path, change, words):
 
 def test_a_changed_picture_is_found(tmp_path):
     folder, second = played(tmp_path, "marks", "clean")
-    for place, name in ((folder, "0000.png"), (folder, "0001.seen.png"), (second, "0002.png")):
-        picture = np.array(Image.open(place / "frames" / name))
+    for path, name in ((folder, "0000.png"), (folder, "0001.seen.png"), (second, "0002.png")):
+        picture = np.array(Image.open(path / "frames" / name))
         picture[700, 3] ^= 1
-        Image.fromarray(picture).save(place / "frames" / name)
+        Image.fromarray(picture).save(path / "frames" / name)
     result = "\n".join(rebuild(tmp_path).problems)
     assert "step 0: frames/0000.png: disturbed again it is not" in result
     assert "step 1: frames/0001.seen.png: is not" in result
@@ -151,8 +151,8 @@ def test_a_run_published_without_steps_is_verified_as_far_as_its_records_go(tmp_
     records = tmp_path / "run" / "records.jsonl"
     lines = records.read_text().splitlines(keepends=True)
     records.write_text("".join([lines[0].replace('"seconds": ', '"seconds": 1'), *lines[1:]]))
-    changed = CliRunner().invoke(hijack, ["verify", str(tmp_path)])
-    assert (changed.exit_code, "does not follow on line 1" in changed.output) == (1, True)
+    verification = CliRunner().invoke(hijack, ["verify", str(tmp_path)])
+    assert (verification.exit_code, "does not follow on line 1" in verification.output) == (1, True)
     with pytest.raises(SourceError, match="is a run without the folder episodes"):
         survey(tmp_path / "run")
 

@@ -132,8 +132,8 @@ class Case:
 
     def build(self, out: Path, **more: Any) -> None:
         planners = {
-            label: hj.make_corruption(name, **given)
-            for label, (name, given) in self.options["corruptions"].items()
+            label: hj.make_corruption(name, **parameters)
+            for label, (name, parameters) in self.options["corruptions"].items()
         }
         build(self.source, out, **{**self.options, "corruptions": planners, **more})
 

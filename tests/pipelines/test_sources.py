@@ -70,12 +70,14 @@ def test_a_mixed_folder_gives_the_same_bytes_wherever_it_lies_and_however_it_is_
 ) -> None:
     build(mixed, tmp_path / "one", corruptions=HALF, rows_per_shard=6)
     build(mixed, tmp_path / "two", corruptions=HALF, rows_per_shard=6, workers=2)
-    moved = tmp_path / "elsewhere" / "other"
-    moved.parent.mkdir()
-    mixed.rename(moved)
-    build(moved, tmp_path / "three", corruptions=HALF, rows_per_shard=6)
+    moved_folder = tmp_path / "elsewhere" / "other"
+    moved_folder.parent.mkdir()
+    mixed.rename(moved_folder)
+    build(moved_folder, tmp_path / "three", corruptions=HALF, rows_per_shard=6)
     (tmp_path / "three" / "data" / "train-00001.parquet").unlink()
-    report = build(moved, tmp_path / "three", corruptions=HALF, rows_per_shard=6, resume=True)
+    report = build(
+        moved_folder, tmp_path / "three", corruptions=HALF, rows_per_shard=6, resume=True
+    )
     assert report.kept == report.shards - 1
     assert (
         shard_hashes(tmp_path / "one")
@@ -376,10 +378,10 @@ def test_the_real_folders_are_read_whole(shared_data: Path) -> None:
 
 
 def test_a_dataset_that_was_built_is_no_source(recording: Any, tmp_path: Path) -> None:
-    built = tmp_path / "built"
+    out = tmp_path / "built"
     source = recording(trajectories=1, steps=1)
-    build(source, built, corruptions=HALF, seed=1)
-    for sources in ([built], [source, built]):
+    build(source, out, corruptions=HALF, seed=1)
+    for sources in ([out], [source, out]):
         with pytest.raises(SourceError, match="built: is a dataset that hijack build wrote"):
             build(sources, tmp_path / "again", corruptions=HALF, seed=1)
     assert not (tmp_path / "again").exists()
@@ -389,9 +391,9 @@ def test_a_dataset_that_was_built_is_no_source(recording: Any, tmp_path: Path) -
 def test_a_dataset_that_cannot_be_read_is_no_source(
     recording: Any, tmp_path: Path, state: str
 ) -> None:
-    built = tmp_path / "built"
-    build(recording(trajectories=1, steps=1), built, corruptions=HALF, seed=1)
-    manifest = built / "manifest.json"
+    out = tmp_path / "built"
+    build(recording(trajectories=1, steps=1), out, corruptions=HALF, seed=1)
+    manifest = out / "manifest.json"
     text = manifest.read_text()
     if state == "newer":
         manifest.write_text(text.replace('"version": 1', '"version": 9', 1))
@@ -399,10 +401,10 @@ def test_a_dataset_that_cannot_be_read_is_no_source(
         manifest.write_text(text[: len(text) // 2])
     if state == "unfinished":
         manifest.unlink()
-        (built / ".build").mkdir()
-        (built / ".build" / "parameters.json").write_text("{}")
+        (out / ".build").mkdir()
+        (out / ".build" / "parameters.json").write_text("{}")
     with pytest.raises(SourceError, match="built: is a dataset that hijack build wrote"):
-        build(built, tmp_path / "again", corruptions=HALF, seed=1)
+        build(out, tmp_path / "again", corruptions=HALF, seed=1)
 
 
 def test_a_manifest_of_another_program_is_no_dataset_of_ours(

@@ -79,10 +79,10 @@ def test_two_processes_do_not_lose_each_others_changes(tmp_path: Path) -> None:
         "for n in range(60):\n"
         "    with SiteState(sys.argv[1]).update('forms') as s: s.setdefault('n', []).append(n)"
     )
-    both = [
+    results = [
         subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], cwd=ROOT) for _ in range(2)
     ]
-    assert [p.wait(timeout=30) for p in both] == [0, 0]
+    assert [p.wait(timeout=30) for p in results] == [0, 0]
     assert len(SiteState(tmp_path).read("forms")["n"]) == 120
 
 

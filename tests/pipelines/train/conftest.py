@@ -117,8 +117,8 @@ def made() -> Made:
         report: Any = lambda _: None,
         **settings: Any,
     ) -> Trainer:
-        chosen = {"epochs": 3, "batch": 2, "learning_rate": 0.05, "save_every": 1, **settings}
-        numbers = TrainSettings(**chosen)
+        options = {"epochs": 3, "batch": 2, "learning_rate": 0.05, "save_every": 1, **settings}
+        numbers = TrainSettings(**options)
         environments = [Guess(fails) for _ in range(numbers.batch * numbers.rollouts)]
         return Trainer(
             policy or Linear(),

@@ -96,9 +96,9 @@ def test_an_agent_s_own_failure_is_a_zero():
 def test_a_step_that_raises_costs_one_rollout():
     policy = Says()
     envs = [Scripted(fails_at=1), Scripted(), Scripted()]
-    played = play(envs, policy, [request(slot) for slot in range(3)], max_steps=5)
-    assert [rollout.status for rollout in played] == ["error", "ok", "ok"]
-    assert played[0].problem == "step: OSError: gone"
+    rollouts = play(envs, policy, [request(slot) for slot in range(3)], max_steps=5)
+    assert [rollout.status for rollout in rollouts] == ["error", "ok", "ok"]
+    assert rollouts[0].problem == "step: OSError: gone"
     assert policy.batches == [3, 2]
 
 
@@ -112,9 +112,10 @@ def test_what_is_cut_off_is_judged_as_it_stands():
 def test_draws_depend_on_step_task_and_slot_alone():
     def tokens(requests):
         envs = [Scripted() for _ in requests]
-        played = play(envs, Says(), requests, max_steps=5)
+        rollouts = play(envs, Says(), requests, max_steps=5)
         return {
-            (item.request.group, item.request.slot): item.turns[0].answer.tokens for item in played
+            (item.request.group, item.request.slot): item.turns[0].answer.tokens
+            for item in rollouts
         }
 
     first = tokens([request(0), request(1), request(0, "b")])

@@ -61,22 +61,24 @@ def grpo(trainer, steps):
                 calls[i], score, *_ = envs[i].step(answer.action)
                 if envs[i].record is not None:
                     scores.append(score)
-        used, advantages = [], []
+        used_rollouts, advantages = [], []
         for first in range(0, len(requests), settings.rollouts):
             result = torch.tensor(scores[first : first + settings.rollouts])
             if bool((result == result[0]).all()):
                 continue
-            used += history[first : first + settings.rollouts]
+            used_rollouts += history[first : first + settings.rollouts]
             advantages.append((result - result.mean()) / (result.std() + 1e-6))
-        if not used:
+        if not used_rollouts:
             continue
-        chances, _ = policy.log_probs([turn for turns in used for turn in turns])
-        by_response = chances.view(len(used), -1)
+        chances, _ = policy.log_probs([turn for turns in used_rollouts for turn in turns])
+        by_response = chances.view(len(used_rollouts), -1)
         ratio = (by_response - by_response.detach()).exp()
         weight = torch.cat(advantages).unsqueeze(1)
         gain = torch.minimum(ratio * weight, ratio.clamp(0.8, 1.3) * weight)
         value = -gain.sum(1) / by_response.shape[1]
-        loss = (value * torch.full((len(used),), 1 / settings.rollouts)).sum() / settings.batch
+        loss = (
+            value * torch.full((len(used_rollouts),), 1 / settings.rollouts)
+        ).sum() / settings.batch
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(policy.network().parameters(), settings.max_norm)
@@ -86,10 +88,10 @@ def grpo(trainer, steps):
 def test_clean_only_is_grpo_bit_for_bit(made):
     ours = made()
     ours.run()
-    theirs = made()
-    before = weights(theirs)
-    grpo(theirs, ours.steps)
-    assert same(weights(ours), weights(theirs))
+    other_trainer = made()
+    before = weights(other_trainer)
+    grpo(other_trainer, ours.steps)
+    assert same(weights(ours), weights(other_trainer))
     assert not same(weights(ours), before)
     all_clean = made(planner=hj.OneOf([hj.Marks()], p_clean=1.0), per="group")
     all_clean.run()
@@ -125,14 +127,14 @@ def interrupted(made, folder, steps, extra):
 
 @pytest.mark.parametrize(("steps", "extra"), [(2, 0), (4, 1), (6, 2)])
 def test_a_resumed_run_has_the_same_future(made, tmp_path, steps, extra):
-    whole = made(tmp_path / "whole", planner=CORRUPTED, replay=ReplayBuffer(), save_every=2)
-    whole.run()
+    trainer = made(tmp_path / "whole", planner=CORRUPTED, replay=ReplayBuffer(), save_every=2)
+    trainer.run()
     interrupted(made, tmp_path / "cut", steps, extra)
     after = made(tmp_path / "cut", planner=CORRUPTED, replay=ReplayBuffer(), save_every=2)
     assert after.resume()
     assert after.step_number == steps
     after.run()
-    assert same(weights(whole), weights(after))
+    assert same(weights(trainer), weights(after))
     for name in ("rollouts.jsonl", "steps.jsonl"):
         assert (tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 

@@ -208,9 +208,9 @@ def test_an_optimiser_step_with_pictures_and_a_corruption_a_rollout(made, tmp_pa
     assert logged["rewards/format_reward/mean"] == 0.0
     assert logged["grad_norm"] > 0
     after = parameters(trainer)
-    moved = {name for name in after if not torch.equal(after[name], before[name])}
-    assert any("visual" in name for name in moved), "the gradient reaches the pictures"
-    assert any("language_model" in name for name in moved)
+    trained_names = {name for name in after if not torch.equal(after[name], before[name])}
+    assert any("visual" in name for name in trained_names), "the gradient reaches the pictures"
+    assert any("language_model" in name for name in trained_names)
     assert entries["pixel_values"][0] > 0
     rows = log_of(tmp_path)
     assert [row["task"] for row in rows] == [TASKS[0]] * 2 + [TASKS[1]] * 2
@@ -352,9 +352,9 @@ def test_the_loss_is_ours(made):
         "advantages": advantages,
         "old_per_token_logps": old,
     }
-    theirs = trainer._compute_loss(trainer.model, inputs)
+    reference = trainer._compute_loss(trainer.model, inputs)
     ours = clipped_loss(new, old, advantages, mask.bool()).mean()
-    assert torch.allclose(theirs, ours, atol=1e-6)
+    assert torch.allclose(reference, ours, atol=1e-6)
 
 
 def test_the_example_runs_from_a_folder(tmp_path, words):
