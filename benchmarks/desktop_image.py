@@ -24,7 +24,7 @@ PARTS = ("sizes", "file", "desktop", "shared")
 KINDS = (cache.HOST, "image")
 
 
-def shown(seconds: list[float]) -> str:
+def format_times(seconds: list[float]) -> str:
     """Return the least, the median and the greatest of some seconds."""
     numbers = (min(seconds), statistics.median(seconds), max(seconds))
     return " / ".join(f"{number:.2f}" for number in numbers)

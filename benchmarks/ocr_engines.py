@@ -53,7 +53,7 @@ class EngineReading:
 
 def main() -> None:
     """Print the table."""
-    paths = chosen(sys.argv[1:])
+    paths = choose_pictures(sys.argv[1:])
     entries: dict[str, list[EngineReading]] = {engine: [] for engine in ENGINES}
     for _ in range(ROUNDS):
         for engine, readings in entries.items():
@@ -86,7 +86,7 @@ def main() -> None:
     print(table(header, rows))
 
 
-def chosen(words: list[str]) -> list[Path]:
+def choose_pictures(words: list[str]) -> list[Path]:
     """Return the pictures to read."""
     if not words:
         return sorted(EXAMPLES.glob("*.png"))

@@ -61,7 +61,7 @@ def record(folder: Path) -> Path:
     return folder
 
 
-def used() -> float:
+def cpu_time() -> float:
     """Return the processor time of this process and of those that ended, in seconds."""
     kinds = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     values = [resource.getrusage(kind) for kind in kinds]
@@ -70,11 +70,11 @@ def used() -> float:
 
 def read(folder: Path) -> Measured:
     """Read all rows."""
-    before = used()
+    before = cpu_time()
     start = time.perf_counter()
     count = sum(1 for _ in open_dataset(folder))
     seconds = time.perf_counter() - start
-    return Measured(count, count / seconds, used() - before)
+    return Measured(count, count / seconds, cpu_time() - before)
 
 
 def score(folder: Path, out: Path, workers: int = 1, limit: int | None = None) -> Measured:
@@ -84,11 +84,11 @@ def score(folder: Path, out: Path, workers: int = 1, limit: int | None = None) -
     )
     run = ScoreRun(settings)
     ticks: list[float] = []
-    before = used()
+    before = cpu_time()
     with run.begin(out, resume=False):
         run.play(out, run.remaining_cases(out), lambda *_: ticks.append(time.perf_counter()), print)
     rate = (len(ticks) - 1) / (time.perf_counter() - ticks[0])
-    return Measured(len(ticks), rate, used() - before)
+    return Measured(len(ticks), rate, cpu_time() - before)
 
 
 def row_of(output: str, folder: Path) -> list[str]:

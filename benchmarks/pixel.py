@@ -33,7 +33,7 @@ def recorded() -> dict[str, list[Path]]:
     return entries
 
 
-def played(runs: Path) -> dict[str, list[Path]]:
+def find_runs(runs: Path) -> dict[str, list[Path]]:
     """What the agent saw in the first episodes of a run."""
     entries: dict[str, list[Path]] = {}
     for folder in sorted(runs.glob("episodes/*/frames"))[:EPISODES]:
@@ -95,7 +95,7 @@ def measured(episodes: dict[str, list[Path]]) -> tuple[dict[str, Reading], int]:
 
 def main() -> None:
     """Print the table."""
-    episodes = played(Path(sys.argv[1])) if len(sys.argv) > 1 else recorded()
+    episodes = find_runs(Path(sys.argv[1])) if len(sys.argv) > 1 else recorded()
     ways, total = measured(episodes)
     whole_way = ways["every picture as a whole"]
     rows = [

@@ -111,7 +111,7 @@ def main() -> None:
         if name == OSWORLD and options.osworld:
             words += ["--tasks", ",".join(in_windows(options.osworld))]
         if name == ALL_TASKS:
-            words += ["--tasks", ",".join(planned())]
+            words += ["--tasks", ",".join(tasks_with_plans())]
         if options.desktops:
             words += ["--desktops", str(options.desktops)]
         play(words, runs)
@@ -152,7 +152,7 @@ def play(words: Sequence[str], runs: Path) -> None:
         hijack("bench", *words, "--out", runs, *going_on)
 
 
-def planned() -> list[str]:
+def tasks_with_plans() -> list[str]:
     """Return the tasks of the suite that have a plan in words, without which `pixel` ends."""
     return [task for task in tasks.names() if tasks.get(task).plan()]
 

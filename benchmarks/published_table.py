@@ -212,7 +212,7 @@ def rewrite(page: Path, name: str, run: Run) -> None:
     write_atomic(page, text)
 
 
-def written(text: str, kind: str) -> str:
+def read_block(text: str, kind: str) -> str:
     """Return a table of a page, without its comments."""
     return text.partition(begin(kind))[2].partition(END)[0].strip("\n")
 

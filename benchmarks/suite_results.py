@@ -78,7 +78,7 @@ def episodes(folder: Path) -> dict[str, list[Played]]:
     return result
 
 
-def kept(agent: str) -> list[Played]:
+def kept_episodes(agent: str) -> list[Played]:
     """Read what earlier runs have left."""
     path = RESULTS / "suite" / f"{agent}.csv"
     if not path.exists():
@@ -238,7 +238,7 @@ def main() -> None:
     options = argparse.ArgumentParser()
     options.add_argument("runs", nargs="*", type=Path, help="folders of runs to add")
     args = options.parse_args()
-    agents = {agent: kept(agent) for agent in AGENTS}
+    agents = {agent: kept_episodes(agent) for agent in AGENTS}
     for folder in args.runs:
         for agent, agent_records in episodes(folder).items():
             if agent in agents:

@@ -106,7 +106,7 @@ def turned_file(kind: str, orientation: object) -> tuple[bytes, np.ndarray]:
     return buffer.getvalue(), stored
 
 
-def shown(stored: np.ndarray, orientation: int) -> np.ndarray:
+def turned(stored: np.ndarray, orientation: int) -> np.ndarray:
     """The pixels as EXIF says that they are to be shown: the meaning of its eight values."""
     turn = {
         1: stored,
@@ -128,7 +128,7 @@ def test_a_picture_that_exif_turns_is_loaded_as_it_is_shown(tmp_path, kind, orie
     path = tmp_path / f"turned.{kind.lower()}"
     path.write_bytes(data)
     image, notes = load_image(path)
-    expected = shown(stored, orientation)
+    expected = turned(stored, orientation)
     assert image.shape == expected.shape
     assert np.abs(image.astype(int) - expected).max() <= (6 if kind == "JPEG" else 0)
     assert any(f"turned upright (EXIF orientation {orientation})" in note for note in notes) == (

@@ -232,14 +232,14 @@ def remade(call: str, scene: hj.Scene) -> hj.Plan:
     assert isinstance(tree, ast.Call)
     assert isinstance(tree.func, ast.Attribute)
     values = {k.arg: ast.literal_eval(k.value) for k in tree.keywords}
-    return built(tree.func.value).plan(scene, **values)
+    return evaluate(tree.func.value).plan(scene, **values)
 
 
-def built(node: ast.expr) -> Any:
+def evaluate(node: ast.expr) -> Any:
     assert isinstance(node, ast.Call)
     if ast.unparse(node.func) == "hj.Sequence":
         assert isinstance(node.args[0], ast.List)
-        return hj.Sequence([built(part) for part in node.args[0].elts])
+        return hj.Sequence([evaluate(part) for part in node.args[0].elts])
     assert ast.unparse(node.func) == "hj.make_corruption"
     return hj.make_corruption(
         ast.literal_eval(node.args[0]),

@@ -47,14 +47,14 @@ def same(desktop):
 
     def compared():
         with contextlib.closing(FrameReader(desktop.record)) as frames:
-            picture = whole(frames)
+            picture = read_frame(frames)
         png = desktop.client._get("/screenshot").body
         return [picture] if (picture == np.asarray(Image.open(io.BytesIO(png)))).all() else []
 
     return until(compared, "a screenshot that is what the memory holds", pause=0.3)[0]
 
 
-def whole(frames):
+def read_frame(frames):
     """A reading that was quick enough; a busy machine may need several."""
 
     def read():
@@ -120,7 +120,7 @@ def test_the_screen_goes_on_when_a_machine_never_lets_go(desktop):
         assert desktop.execute("xdotool getmouselocation").ok  # X answers though nobody let go
         with pytest.raises((OSError, ValueError)):  # it lost its hold; the next reading begins anew
             frames.read()
-        assert whole(frames).any()
+        assert read_frame(frames).any()
 
 
 def test_without_the_guest_server_it_says_so_and_then_goes_on(desktop):

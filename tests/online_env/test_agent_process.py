@@ -364,7 +364,7 @@ def bench_of(monkeypatch, no_waiting):
     return make
 
 
-def played(bench, folder, count=1):
+def play_jobs(bench, folder, count=1):
     (name,) = bench.agents
     with LiveEpisodes(bench, folder, FakeStage()) as play:
         return [play(Job(name, "write_note", "clean", seed), 0) for seed in range(count)]
@@ -372,7 +372,7 @@ def played(bench, folder, count=1):
 
 def test_a_crash_is_the_agents_failure_and_the_next_episode_is_played(folder, tmp_path, bench_of):
     name = registry.AGENTS.find(f"{folder}/mine.py:Fragile")
-    for record in played(bench_of(name), tmp_path, 2):
+    for record in play_jobs(bench_of(name), tmp_path, 2):
         assert (record["status"], record["cause"], record["given"]) == ("error", "agent", [])
         assert record["problem"] == "the agent raised its process died (exit code 7)"
 
@@ -384,9 +384,9 @@ def test_an_agent_in_the_runners_process_is_recorded(folder, tmp_path, bench_of)
     config = bench_of(name, in_process=True)
     models.check_agents(config)
     assert config.to_data()["in_process"]
-    (record,) = played(config, tmp_path)
+    (record,) = play_jobs(config, tmp_path)
     assert record["given"] == ["task", "process"]
     maker = registry.AGENTS.find(f"{folder}/mine.py:made")  # only its object says what it wants
-    (record,) = played(bench_of(maker), tmp_path)
+    (record,) = play_jobs(bench_of(maker), tmp_path)
     assert (record["status"], record["cause"]) == ("error", "agent")
     assert "use --in-process" in record["problem"]

@@ -89,7 +89,7 @@ def cluster(tmp_path_factory, orders):
 
 
 @pytest.fixture(autouse=True)
-def known(orders, monkeypatch):
+def registered_agents(orders, monkeypatch):
     """What the nodes load by its place is known here; no order is left from another test."""
     monkeypatch.setenv(nodes.FOLDER, str(orders))
     AGENTS.find(nodes.AGENT)
@@ -112,7 +112,7 @@ def bench(seeds=3, **settings):
     )
 
 
-def played(folder, engine="local", chosen=None, address=None, desktops=None):
+def play_run(folder, engine="local", chosen=None, address=None, desktops=None):
     """Run all episodes; what `run_jobs` returned."""
     chosen = chosen or bench()
     listed = jobs(chosen)
@@ -167,11 +167,11 @@ def left_over():
 
 def test_a_node_that_dies_changes_nothing(cluster, orders, tmp_path):
     before = left_over()
-    played(tmp_path / "local", desktops=1)
+    play_run(tmp_path / "local", desktops=1)
     (orders / nodes.SEEN).unlink()
     dying = cluster.add_node(**NODE)
     (orders / "kill_node").write_text(str(raylet(dying)))
-    assert played(tmp_path / "ray", "ray", address=cluster.address) == {"ok": 6}
+    assert play_run(tmp_path / "ray", "ray", address=cluster.address) == {"ok": 6}
     assert (orders / "killed_node").exists()
     assert content(tmp_path / "ray") == content(tmp_path / "local")
     assert len(content(tmp_path / "ray")) > 6 * 4  # records, and files of each episode
@@ -183,7 +183,7 @@ def test_a_node_that_dies_changes_nothing(cluster, orders, tmp_path):
 def test_a_node_that_joins_is_used(cluster, orders, tmp_path):
     (orders / "wait_for").write_text("0")  # nobody's number: all agents wait
     with ThreadPoolExecutor(1) as pool:
-        ended = pool.submit(played, tmp_path / "run", "ray", address=cluster.address)
+        ended = pool.submit(play_run, tmp_path / "run", "ray", address=cluster.address)
         waiting.until(lambda: ended.done() or (orders / nodes.SEEN).exists())
         joined = cluster.add_node(**NODE)
         try:
@@ -247,7 +247,7 @@ def test_a_node_that_cannot_import_the_actor(cluster, tmp_path, monkeypatch):
     (tmp_path / "only_here.py").unlink()
     expected = "a node cannot start a desktop .*only_here.*install the same agenthijack"
     with pytest.raises(ClusterError, match=expected):
-        played(tmp_path / "run", "ray", address=cluster.address, desktops=1)
+        play_run(tmp_path / "run", "ray", address=cluster.address, desktops=1)
 
 
 AGENT_FILE = """
@@ -265,7 +265,7 @@ def test_a_key_that_a_node_lacks_is_named_and_never_sent(cluster, tmp_path, monk
     config = bench(agents=(AGENTS.find(str(tmp_path / "mine.yaml")),))
     (tmp_path / "mine.yaml").unlink()  # what was read of it travels
     with pytest.raises(ClusterError, match=r"node \S+: .*AGENTHIJACK_TEST_KEY"):
-        played(tmp_path / "run", "ray", config, cluster.address, desktops=1)
+        play_run(tmp_path / "run", "ray", config, cluster.address, desktops=1)
     logs = Path(cluster.head_node.get_session_dir_path())
     paths = [path for path in logs.rglob("*") if path.is_file()]
     assert paths
@@ -277,26 +277,26 @@ def test_nodes_without_room(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr(ray_pool, "BYTES_PER_DESKTOP", 2**50)
     expected = r"no node .* 1 CPU and 1.04858e\+06 GiB of memory \(\S+ has 1 CPUs and 1.5 GiB"
     with pytest.raises(ClusterError, match=expected):
-        played(tmp_path / "run", "ray", address=cluster.address)
+        play_run(tmp_path / "run", "ray", address=cluster.address)
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:10001"])
 def test_a_cluster_that_is_not_there(address, tmp_path):
     with pytest.raises(ClusterError, match=f"Ray at '{address}' cannot be used: "):
-        played(tmp_path / "run", "ray", address=address)
+        play_run(tmp_path / "run", "ray", address=address)
 
 
 def test_without_ray(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(MissingDependencyError, match=r"pip install .*\[ray\]'"):
-        played(tmp_path / "run", "ray")
+        play_run(tmp_path / "run", "ray")
 
 
 def test_engines_that_are_not_there(tmp_path):
     with pytest.raises(UnknownNameError, match=r"engine 'rya'; did you mean 'ray'"):
-        played(tmp_path / "one", "rya")
+        play_run(tmp_path / "one", "rya")
     with pytest.raises(ParameterError, match=r"--ray-address auto is for --engine ray"):
-        played(tmp_path / "two", address="auto")
+        play_run(tmp_path / "two", address="auto")
 
 
 def test_room_is_counted_in_cores_and_memory():

@@ -298,7 +298,7 @@ def test_a_run_that_goes_on_counts_itself_once(tmp_path):
 # What models cost
 
 
-def used(**more):
+def record_with_usage(**more):
     return made("a", "t", usage={"requests": 2, "input_tokens": 10, "output_tokens": 3, **more})
 
 
@@ -307,10 +307,19 @@ def used(**more):
     [
         ([], ""),
         ([made("a", "t"), made("a", "t", usage={"turns": 3})], ""),
-        ([used(usd=0.5), used(usd=0.254)], "4 requests, 20 tokens read, 6 written, 0.75 USD"),
-        ([used(usd=0.5), used()], "4 requests, 20 tokens read, 6 written, price not known"),
-        ([used(usd=0.5), made("a", "t")], "2 requests, 10 tokens read, 3 written, 0.50 USD"),
-        ([used(usd=1, requests=True)], ""),
+        (
+            [record_with_usage(usd=0.5), record_with_usage(usd=0.254)],
+            "4 requests, 20 tokens read, 6 written, 0.75 USD",
+        ),
+        (
+            [record_with_usage(usd=0.5), record_with_usage()],
+            "4 requests, 20 tokens read, 6 written, price not known",
+        ),
+        (
+            [record_with_usage(usd=0.5), made("a", "t")],
+            "2 requests, 10 tokens read, 3 written, 0.50 USD",
+        ),
+        ([record_with_usage(usd=1, requests=True)], ""),
     ],
 )
 def test_a_line_sums_what_models_were_asked(found, said):

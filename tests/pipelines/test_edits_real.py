@@ -21,7 +21,7 @@ OURS = {
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Our own recordings under the five, both kinds."""
     folder = tmp_path_factory.mktemp("real")
     for output in ("lazy", "materialised"):
@@ -37,10 +37,10 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_our_recordings(built: Path) -> None:
+def test_our_recordings(dataset: Path) -> None:
     pictures = 0
     for first_row, right in zip(
-        open_dataset(built / "materialised"), open_dataset(built / "lazy"), strict=True
+        open_dataset(dataset / "materialised"), open_dataset(dataset / "lazy"), strict=True
     ):
         if first_row["corruption"] != "clean":
             assert np.array_equal(
@@ -51,13 +51,13 @@ def test_our_recordings(built: Path) -> None:
         assert first_row == right
     assert pictures == 10
     for output in ("materialised", "lazy"):
-        report = verify(built / output)
+        report = verify(dataset / output)
         assert (report.problems, report.notes, report.regenerated) == ([], [], 10)
 
 
-def test_what_is_recorded_is_a_picture_of_the_pack(built: Path) -> None:
+def test_what_is_recorded_is_a_picture_of_the_pack(dataset: Path) -> None:
     entries = {asset.id: asset for asset in AssetPack.load().assets}
-    rows = [row for row in open_dataset(built / "materialised") if row["fidelity"] == "recorded"]
+    rows = [row for row in open_dataset(dataset / "materialised") if row["fidelity"] == "recorded"]
     assert {row["corruption"] for row in rows} == {"app_minimization", "verification"}
     for row in rows:
         (op,) = json.loads(row["plan"])["ops"]
@@ -69,8 +69,8 @@ def test_what_is_recorded_is_a_picture_of_the_pack(built: Path) -> None:
             assert tuple(row["target_box"]) == asset.recover.target_box
 
 
-def test_targets_show_and_windows_keep_clear_of_them(built: Path) -> None:
-    for row in open_dataset(built / "materialised"):
+def test_targets_show_and_windows_keep_clear_of_them(dataset: Path) -> None:
+    for row in open_dataset(dataset / "materialised"):
         if row["event"]:
             assert row["target_visible"] in (None, 1.0)
         if row["corruption"] == "multi_apps":

@@ -166,7 +166,7 @@ def no_waiting(monkeypatch):
     monkeypatch.setattr("online_env.environment.episode.WAIT_S", 0.0)
 
 
-def played(
+def play_episode(
     folder: Path, name: str | None, score: float = 1.0, later: tuple[str, ...] = (BACK, CLICK)
 ) -> dict[str, Any]:
     """An episode whose action at step 1 is hit, and which then goes on; its record."""
@@ -188,7 +188,7 @@ EVENTS = {
 
 @pytest.mark.parametrize("name", EVENTS)
 def test_a_run_under_a_fault_proves_what_followed_it(name, tmp_path):
-    record = played(tmp_path / "run", name)
+    record = play_episode(tmp_path / "run", name)
     (folder,) = (tmp_path / "run/episodes").iterdir()
     sent_events = json.loads((folder / "steps.jsonl").read_text().splitlines()[1])["input"]["sent"]
     assert sent_events != CLICK
@@ -216,12 +216,12 @@ def test_a_run_under_a_fault_proves_what_followed_it(name, tmp_path):
 
 
 def test_what_no_run_shows_is_refused(tmp_path):
-    played(tmp_path / "clean", None)
+    play_episode(tmp_path / "clean", None)
     faults = "repeated_input:step=1,slipped_pointer:step=1"
     report = build(tmp_path / "clean", tmp_path / "set", corruptions=faults)
     reasons = {NO_PICTURE: 1}
     assert report.not_applicable == {"repeated_input": reasons, "slipped_pointer": reasons}
-    played(tmp_path / "run", "slipped_pointer")
+    play_episode(tmp_path / "run", "slipped_pointer")
     corruptions = "slipped_pointer:step=1,distance=4"
     report = build(tmp_path / "run", tmp_path / "other", corruptions=corruptions, seed=3)
     assert report.not_applicable == {"slipped_pointer": {OTHER_FAULT: 1}}
@@ -238,14 +238,14 @@ def test_what_no_run_shows_is_refused(tmp_path):
     ],
 )
 def test_what_the_agent_did_next_must_have_been_right(name, later, reason, tmp_path):
-    played(tmp_path / "run", name, later=later)
+    play_episode(tmp_path / "run", name, later=later)
     report = build(tmp_path / "run", tmp_path / "set", corruptions=f"{name}:step=1", seed=3)
     assert report.not_applicable == ({name: {reason: 1}} if reason else {})
     assert report.rows[name] == (0 if reason else 2)
 
 
 def test_of_an_episode_that_was_lost_nothing_after_the_fault_is_read(tmp_path):
-    played(tmp_path / "run", "slipped_pointer", score=0.0)
+    play_episode(tmp_path / "run", "slipped_pointer", score=0.0)
     rejected, recording = get_reader("runs").read(tmp_path / "run")
     assert [step.action_code for step in recording] == ["WAIT", CLICK]
     assert isinstance(rejected, Rejected)

@@ -32,7 +32,7 @@ def no_waiting(monkeypatch):
     monkeypatch.setattr("online_env.environment.episode.WAIT_S", 0.0)
 
 
-def played(
+def play_episode(
     folder: Path,
     corruption=None,
     actions=("pyautogui.click(10, 20)", "WAIT", "DONE"),
@@ -65,7 +65,7 @@ def test_steps_are_clean_screens_with_the_actions_on_the_screen(tmp_path):
         "REQUEST_REINIT",
         "DONE",
     )
-    record = played(tmp_path, VISUAL["resolution"], actions)
+    record = play_episode(tmp_path, VISUAL["resolution"], actions)
     assert detect_format(tmp_path) == "runs"
     (trajectory,), rejected = read(tmp_path)
     assert rejected == []
@@ -92,14 +92,14 @@ def test_steps_are_clean_screens_with_the_actions_on_the_screen(tmp_path):
 
 
 def test_elements_are_those_that_the_plan_was_given(tmp_path):
-    played(tmp_path, VISUAL["pop_ups"], size=SCREEN)
+    play_episode(tmp_path, VISUAL["pop_ups"], size=SCREEN)
     (trajectory,), _ = read(tmp_path)
     assert {step.elements for step in trajectory} == {((10, 20, 110, 50), (300, 200, 380, 240))}
 
 
 @pytest.mark.parametrize("where", ["", "episodes", "episodes/{id}", "episodes/{id}/steps.jsonl"])
 def test_a_run_an_episode_and_its_file_can_be_read(tmp_path, where):
-    record = played(tmp_path)
+    record = play_episode(tmp_path)
     (trajectory,), _ = read(tmp_path / where.format(**record))
     assert len(tuple(trajectory)) == 3
     if where != "episodes":
@@ -107,9 +107,9 @@ def test_a_run_an_episode_and_its_file_can_be_read(tmp_path, where):
 
 
 def test_what_is_no_sample_is_left_out_with_the_reason(tmp_path):
-    played(tmp_path, "subtitle", ("nonsense", "DONE"), size=SCREEN)
-    played(tmp_path, Marking(0, sabotaged=True))
-    played(tmp_path, None, ("WAIT",))
+    play_episode(tmp_path, "subtitle", ("nonsense", "DONE"), size=SCREEN)
+    play_episode(tmp_path, Marking(0, sabotaged=True))
+    play_episode(tmp_path, None, ("WAIT",))
     broken = tmp_path / "episodes" / "broken"
     broken.mkdir()
     (broken / "steps.jsonl").write_text("{}\n")
@@ -128,16 +128,16 @@ def test_what_is_no_sample_is_left_out_with_the_reason(tmp_path):
 
 
 def test_screens_after_an_effect_are_not_clean(tmp_path):
-    played(tmp_path, Marking(1), ("WAIT", "WAIT", "DONE"))
+    play_episode(tmp_path, Marking(1), ("WAIT", "WAIT", "DONE"))
     (trajectory,), (reason,) = read(tmp_path)
     assert [step.index for step in trajectory] == [0]
     assert "after test_mark show what it did" in reason
-    played(tmp_path / "other", Marking(-1), ("WAIT", "DONE"))
+    play_episode(tmp_path / "other", Marking(-1), ("WAIT", "DONE"))
     assert read(tmp_path / "other")[0] == []
 
 
 def test_a_damaged_log_is_reported_with_line_and_field(tmp_path):
-    record = played(tmp_path)
+    record = play_episode(tmp_path)
     path = tmp_path / "episodes" / record["id"] / "steps.jsonl"
     rows = [json.loads(line) for line in path.read_text().splitlines()]
     rows[0]["image"] = "../../secret.png"
@@ -153,7 +153,7 @@ def test_a_damaged_log_is_reported_with_line_and_field(tmp_path):
 def test_a_dataset_of_a_run_is_what_the_agents_saw(tmp_path):
     """Offline = live: the same seed gives the same plans and the same bytes."""
     for label, corruption in VISUAL.items():
-        played(tmp_path / "run", corruption, size=SCREEN, label=label)
+        play_episode(tmp_path / "run", corruption, size=SCREEN, label=label)
     live = {}
     for path in (tmp_path / "run").glob("episodes/*/steps.jsonl"):
         for line in map(json.loads, path.read_text().splitlines()):

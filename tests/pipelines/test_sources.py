@@ -237,7 +237,7 @@ def test_two_files_of_the_plain_format_below_each_other(recording: Any, tmp_path
 
 
 @pytest.fixture
-def closed(recording: Any, tmp_path: Path) -> Path:
+def unreadable_folder(recording: Any, tmp_path: Path) -> Path:
     """A recording beside what must not be opened: reading any of it never ends, or leads
     outside."""
     folder = recording()
@@ -258,8 +258,10 @@ def closed(recording: Any, tmp_path: Path) -> Path:
     return folder
 
 
-def test_only_regular_files_inside_the_source_are_opened(closed: Path, tmp_path: Path) -> None:
-    trajectories, rejected = read(closed)
+def test_only_regular_files_inside_the_source_are_opened(
+    unreadable_folder: Path, tmp_path: Path
+) -> None:
+    trajectories, rejected = read(unreadable_folder)
     assert len(trajectories) == 2
     reasons = {r.file: r.reason for r in rejected}
     assert len(reasons) == len(rejected) == 9
@@ -267,9 +269,9 @@ def test_only_regular_files_inside_the_source_are_opened(closed: Path, tmp_path:
     assert "leaves the source" in reasons["out.jsonl"]
     assert "cannot be opened" in reasons["loop.jsonl"]
     assert sum("not a regular file" in reason for reason in reasons.values()) == 6
-    (closed / "trajectories.jsonl").unlink()
+    (unreadable_folder / "trajectories.jsonl").unlink()
     with pytest.raises(SourceError, match="not a recording of a known format"):
-        survey(closed)
+        survey(unreadable_folder)
 
 
 @pytest.fixture

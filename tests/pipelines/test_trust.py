@@ -46,7 +46,7 @@ def whole(recording: Any, config: Path, tmp_path: Path) -> tuple[Path, dict[str,
     return source, file_contents(tmp_path / "whole" / "data")
 
 
-def rest(out: Path) -> set[str]:
+def temporary_files(out: Path) -> set[str]:
     """Temporary files that were left behind."""
     return {file.name for file in out.rglob("*") if file.name.endswith(".tmp")}
 
@@ -102,7 +102,7 @@ def test_a_disk_that_is_full(small_disk: Path, whole: Any, config: Path) -> None
     assert process.returncode == 3
     assert "No space left on device" in process.stderr
     assert "Traceback" not in process.stderr
-    assert rest(out) == set()
+    assert temporary_files(out) == set()
     assert file_contents(out / "data").items() <= data.items()
     subprocess.run(["mount", "-o", "remount,size=50m", small_disk], check=True)
     assert resumed(source, out, config) == data
@@ -190,7 +190,7 @@ def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
     assert process.returncode == 130, errors
     assert "the same command with --resume goes on" in errors
     assert "Traceback" not in errors
-    assert rest(out) == set()
+    assert temporary_files(out) == set()
     assert 1 <= len(list((out / "data").iterdir())) < 8
     report = build(source, out, **options, resume=True)
     assert report.kept >= 1

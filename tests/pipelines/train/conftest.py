@@ -102,8 +102,8 @@ TASKS = ("say-0", "say-1", "say-2", "say-3", "say-0-0", "say-0-1")
 
 
 @pytest.fixture
-def made() -> Made:
-    """Make a trainer: `made(folder, planner=..., fails=..., replay=..., **settings)`."""
+def make_trainer() -> Made:
+    """Make a trainer: `make_trainer(folder, planner=..., fails=..., replay=..., **settings)`."""
 
     def make(
         folder: Path | None = None,
