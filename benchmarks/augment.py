@@ -158,13 +158,13 @@ def one_batch(aug: hj.OneOf, number: int, pictures: Any, copy: Callable[[], obje
     out = []
     (copied,) = times(copy, 1, warmup=1)
     plans: list[hj.Plan] = []
-    (planned,) = times(
+    (planning_times,) = times(
         lambda: plans.extend(aug.plan(SCENE, seed=1, sample=key) for key in keys), 1, warmup=0
     )
     (applied,) = times(lambda: out.append(hj.apply(plans, pictures)), 1, warmup=0)
     pairs = list(zip(plans, pictures, out[0], strict=True))
     (judged,) = times(lambda: [judge(p, a, b, target=(9, 9)) for p, a, b in pairs], 1, warmup=0)
-    return [copied, planned, applied, judged]
+    return [copied, planning_times, applied, judged]
 
 
 def batch_rows(image: np.ndarray) -> list[list[str]]:
@@ -188,7 +188,7 @@ def batch_rows(image: np.ndarray) -> list[list[str]]:
         for kind, (pictures, copy) in kinds.items():
             values = [one_batch(aug, next(fresh), pictures, copy) for _ in range(9)]
             base, plan, apply, safety = ([row[i] for row in values] for i in range(4))
-            both = [a + j for a, j in zip(apply, safety, strict=True)]
+            totals = [a + j for a, j in zip(apply, safety, strict=True)]
             rows.append(
                 [
                     mix,
@@ -198,7 +198,7 @@ def batch_rows(image: np.ndarray) -> list[list[str]]:
                     cell(apply),
                     ratio(apply, base),
                     cell(safety),
-                    ratio(both, base),
+                    ratio(totals, base),
                 ]
             )
     return rows

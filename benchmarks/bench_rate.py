@@ -84,10 +84,10 @@ def between(agent: Stopwatch, lines: Sequence[Mapping[str, float]]) -> list[floa
     """
     items: list[float] = []
     for k in range(len(agent.asked) - 1):
-        whole = agent.asked[k + 1] - agent.answered[k]
+        step_seconds = agent.asked[k + 1] - agent.answered[k]
         waited = lines[k].get("action", 0.0)
         waited += lines[k + 1].get("settle", 0.0) + lines[k + 1].get("effects", 0.0)
-        items.append((whole - waited) * 1e3)
+        items.append((step_seconds - waited) * 1e3)
     return items
 
 
@@ -106,9 +106,9 @@ def bench(
     out: Path, tasks: Sequence[str], desktops: int, corruptions: str = "clean"
 ) -> "subprocess.Popen[bytes]":
     """Start a run of the oracle."""
-    chosen = ["--agent", "oracle", "--tasks", ",".join(tasks), "--corruptions", corruptions]
+    options = ["--agent", "oracle", "--tasks", ",".join(tasks), "--corruptions", corruptions]
     return subprocess.Popen(
-        [*HIJACK, *chosen, "--desktops", str(desktops), "--out", str(out)],
+        [*HIJACK, *options, "--desktops", str(desktops), "--out", str(out)],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
@@ -158,8 +158,8 @@ def disk(out: Path) -> str:
     """Return what the episodes of a run keep, in megabytes."""
     sizes: list[float] = []
     for folder in (out / "episodes").iterdir():
-        whole = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
-        sizes.append(whole / 1e6)
+        total_bytes = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+        sizes.append(total_bytes / 1e6)
     return spread(sizes, 2)
 
 

@@ -153,19 +153,19 @@ def list_episodes():
         if name.startswith("browsergym/miniwob.")
     )
     nine = corruption_names()[:9]
-    others = [name for name in names if name not in ORACLES]
+    unplayed_names = [name for name in names if name not in ORACLES]
     for corruption in (None, *nine):
         yield from ((name, corruption) for name in names if name in ORACLES)
-    for number, name in enumerate(others):
+    for number, name in enumerate(unplayed_names):
         yield from ((name, corruption) for corruption in (None, nine[number % len(nine)]))
 
 
 def main():
     use_chromium_of_the_system()
-    out, *chosen = sys.argv[1:]
+    out, *options = sys.argv[1:]
     out = Path(out)
     rows = list(csv.DictReader(out.open())) if out.exists() else []
-    done = {(row["task"], row["condition"]) for row in rows}
+    finished_rows = {(row["task"], row["condition"]) for row in rows}
     site = FolderSite("miniwob.test", Path(miniwob.__file__).parent / "html")
     with out.open("a", newline="") as file:
         writer = csv.DictWriter(file, ("task", "condition", "seed", "score", "reason", "seconds"))
@@ -173,7 +173,7 @@ def main():
             writer.writeheader()
         for task, corruption in list_episodes():
             condition = corruption or "clean"
-            if (chosen and task not in chosen) or (task, condition) in done:
+            if (options and task not in options) or (task, condition) in finished_rows:
                 continue
             start = time.monotonic()
             score, reason = play(task, corruption, f"http://127.0.0.1:{site.port}/miniwob/")
@@ -190,8 +190,8 @@ def main():
             file.flush()
     counts = collections.defaultdict(collections.Counter)
     for row in rows:
-        played = "played" if row["task"] in ORACLES else "begun"
-        counts[row["condition"]][f"{played} {row['score'] or row['reason'][:60]}"] += 1
+        state = "played" if row["task"] in ORACLES else "begun"
+        counts[row["condition"]][f"{state} {row['score'] or row['reason'][:60]}"] += 1
     for condition, outcomes in counts.items():
         print(condition, dict(outcomes))
     site.close()

@@ -121,8 +121,10 @@ def screens() -> list[UInt8Array]:
 
 def step_costs(pictures: list[UInt8Array]) -> list[list[str]]:
     """Return rows: step, bytes, the agent, the limit, and the difference, in milliseconds."""
-    ours, theirs = multiprocessing.Pipe()
-    server = multiprocessing.get_context("spawn").Process(target=serve, args=(theirs,), daemon=True)
+    ours, peer_end = multiprocessing.Pipe()
+    server = multiprocessing.get_context("spawn").Process(
+        target=serve, args=(peer_end,), daemon=True
+    )
     server.start()
     url = f"http://127.0.0.1:{ours.recv()}"
     with tempfile.TemporaryDirectory() as scratch:
@@ -131,17 +133,17 @@ def step_costs(pictures: list[UInt8Array]) -> list[list[str]]:
             f"model: m\nbase_url: {url}/v1\nprompt: pyautogui\nparser: pyautogui\nhistory: 15\n"
         )
         agent = make_agent(read_agent(str(file)))
-        taken: list[list[float]] = [[] for _ in pictures]
+        times_by_picture: list[list[float]] = [[] for _ in pictures]
         for _ in range(RUNS):
             agent.reset()
             for step, picture in enumerate(pictures):
                 begun = time.perf_counter()
                 agent.predict("Click the button.", {"screenshot": picture})
-                taken[step].append((time.perf_counter() - begun) * 1e3)
+                times_by_picture[step].append((time.perf_counter() - begun) * 1e3)
     with httpx.Client(base_url=url) as client:
         lengths: list[int] = client.get("/").json()[: len(pictures)]
         rows = [
-            _row(step, pictures[step], lengths[step], taken[step], client)
+            _row(step, pictures[step], lengths[step], times_by_picture[step], client)
             for step in (0, 5, 10, 15, len(pictures) - 1)
         ]
     server.terminate()
@@ -154,13 +156,13 @@ def _row(
 ) -> list[str]:
     body = b"x" * length
     encoded = [seconds(lambda: png.encode(picture)) * 1e3 for _ in range(RUNS)]
-    sent = [seconds(lambda: client.post("/", content=body)) * 1e3 for _ in range(RUNS)]
-    value = statistics.median(agent) - statistics.median(sent)
+    sending_times = [seconds(lambda: client.post("/", content=body)) * 1e3 for _ in range(RUNS)]
+    value = statistics.median(agent) - statistics.median(sending_times)
     return [
         str(step),
         f"{length / 1e6:.2f}",
         spread(agent, 1),
-        spread(sent, 1),
+        spread(sending_times, 1),
         f"{value:.1f}",
         f"{statistics.median(encoded):.1f}",
     ]

@@ -64,19 +64,19 @@ def main() -> None:
     parser.add_argument("--factor", type=float, default=1.3)
     arguments = parser.parse_args()
     before = {ratio.place: ratio for ratio in numbered(committed(arguments.against))}
-    chosen = tuple(arguments.sections) or ("",)
-    now = [r for r in numbered(RESULTS.read_text()) if r.place[0].startswith(chosen)]
+    sections = tuple(arguments.sections) or ("",)
+    now = [r for r in numbered(RESULTS.read_text()) if r.place[0].startswith(sections)]
     if not now:
-        sys.exit(f"no ratio in a section that begins with {' or '.join(chosen)}")
+        sys.exit(f"no ratio in a section that begins with {' or '.join(sections)}")
     compared = [(before[r.place], r) for r in now if r.place in before]
     worse = [(old, new) for old, new in compared if new.value > old.value * arguments.factor]
     for old, new in worse:
         print(f"{' · '.join(filter(None, new.place))}: {old.text} -> {new.text}")
-    lost = [r for r in before.values() if r.place[0].startswith(chosen)]
-    gone = {r.place for r in lost} - {r.place for r in now}
+    lost_ratios = [r for r in before.values() if r.place[0].startswith(sections)]
+    missing_places = {r.place for r in lost_ratios} - {r.place for r in now}
     print(
         f"{len(compared)} ratios compared, {len(worse)} worse by {arguments.factor:g}x or more;"
-        f" {len(now) - len(compared)} new, {len(gone)} gone"
+        f" {len(now) - len(compared)} new, {len(missing_places)} gone"
     )
     sys.exit(1 if worse else 0)
 

@@ -65,8 +65,8 @@ def main() -> None:
     picture = PAGE.with_name(f"{PAGE.stem}_arms.svg" if is_whole else f"{PAGE.stem}.svg")
     results.plot(summary, picture)
     begin = ALL if is_whole else TWO
-    head, _, rest = PAGE.read_text().partition(begin)
-    _, _, tail = rest.partition(END)
+    head, _, remainder = PAGE.read_text().partition(begin)
+    _, _, tail = remainder.partition(END)
     text = f"{begin}\n\n{sentences(summary)}\n\n{tables}\n\n![Gains]({picture.name})\n\n{END}"
     PAGE.write_text(head + text + tail)
 

@@ -97,17 +97,17 @@ def rebuilds(pictures: list[bytes]) -> str:
     totals = [0.0, 0.0]
     for name in NAMES:
         ours = cpu(lambda n=name: rebuild(pictures, [n])) / len(pictures)
-        theirs = mean(cpu(lambda d=data, n=name: PILLOW[n](d), 1) for data in pictures)
-        totals = [totals[0] + ours, totals[1] + theirs]
-        rows.append(_rebuild_row(name, ours, theirs))
+        pillow_seconds = mean(cpu(lambda d=data, n=name: PILLOW[n](d), 1) for data in pictures)
+        totals = [totals[0] + ours, totals[1] + pillow_seconds]
+        rows.append(_rebuild_row(name, ours, pillow_seconds))
     together = cpu(lambda: rebuild(pictures, NAMES)) / len(pictures) / len(NAMES)
     rows.append(_rebuild_row("all four, decoded once", together, totals[1] / len(NAMES)))
-    mine, pillow = (
+    our_seconds, pillow = (
         mean(cpu(lambda d=data, f=f: f(d)) for data in pictures)
         for f in (lambda d: decode(d, "x"), _open)
     )
     note = (
-        f"Decoding the source is {mine:.1f} ms of ours and {pillow:.1f} ms of Pillow's, once in"
+        f"Decoding the source is {our_seconds:.1f} ms of ours and {pillow:.1f} ms of Pillow's, once in"
         " each line."
     )
     return (
@@ -151,10 +151,10 @@ def bands(pictures: list[bytes]) -> str:
     rows = []
     for name in ("subtitle", "pop_ups", "marks"):
         values = [_band_times(decode_image(data, "x")[0], name) for data in pictures]
-        whole, part, hash_whole, hash_part, work = (
+        whole_seconds, part, hash_whole, hash_part, work = (
             mean(column) for column in zip(*values, strict=True)
         )
-        cells = [f"{v:.2f}" for v in (whole, part, hash_whole, hash_part, work)]
+        cells = [f"{v:.2f}" for v in (whole_seconds, part, hash_whole, hash_part, work)]
         rows.append([name, *cells, f"{1e3 / (part + hash_part + work):.0f}"])
     images = [decode_image(data, "x")[0] for data in pictures]
     ours = sum(len(encode(image)) for image in images)
@@ -207,9 +207,12 @@ def lazy_rows(pictures: list[bytes]) -> str:
             ]
             spent.setdefault(name, []).append(times)
     for name, times in spent.items():
-        pillow, plain, drawn = (mean(column) for column in zip(*times, strict=True))
-        more = [f"{100 * (drawn / plain - 1):+.1f} %", f"{100 * (drawn / pillow - 1):+.1f} %"]
-        rows.append([name, f"{pillow:.2f}", f"{plain:.2f}", f"{drawn:.2f}", *more])
+        pillow, plain, drawn_seconds = (mean(column) for column in zip(*times, strict=True))
+        more = [
+            f"{100 * (drawn_seconds / plain - 1):+.1f} %",
+            f"{100 * (drawn_seconds / pillow - 1):+.1f} %",
+        ]
+        rows.append([name, f"{pillow:.2f}", f"{plain:.2f}", f"{drawn_seconds:.2f}", *more])
     return table(
         ["row", "picture by Pillow", "picture by ours", "lazy row", "over ours", "over Pillow"],
         rows,
@@ -332,12 +335,12 @@ def _record(folder: Path, pictures: list[bytes], step: int = 6) -> None:
     for number, data in enumerate(pictures):
         (folder / "images" / f"{number}.png").write_bytes(data)
         action = {"type": "click", "x": 100, "y": 50}
-        place = {
+        settings = {
             "trajectory_id": f"t{number // step}",
             "step": number % step,
             "image": f"images/{number}.png",
         }
-        lines.append(json.dumps({**place, "instruction": "do it", "action": action}) + "\n")
+        lines.append(json.dumps({**settings, "instruction": "do it", "action": action}) + "\n")
     (folder / "trajectories.jsonl").write_text("".join(lines))
 
 

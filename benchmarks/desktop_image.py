@@ -24,7 +24,7 @@ PARTS = ("sizes", "file", "desktop", "shared")
 KINDS = (cache.HOST, "image")
 
 
-def shown(seconds: list[float]) -> str:
+def format_times(seconds: list[float]) -> str:
     """Return the least, the median and the greatest of some seconds."""
     numbers = (min(seconds), statistics.median(seconds), max(seconds))
     return " / ".join(f"{number:.2f}" for number in numbers)
@@ -43,25 +43,25 @@ def sizes() -> None:
     rows: list[list[str]] = []
     for profile in packages.PROFILES:
         recipe = build.Recipe(build.normal_profiles([profile]), archives)
-        chosen = build.choose(recipe).all
-        size = sum(package.size for package in chosen)
-        rows.append([", ".join(recipe.profiles), str(len(chosen)), f"{size / 1e6:.0f} MB"])
+        choice = build.choose(recipe).all
+        size = sum(package.size for package in choice)
+        rows.append([", ".join(recipe.profiles), str(len(choice)), f"{size / 1e6:.0f} MB"])
     print(table(["profiles of an image", "packages", "to fetch"], rows))
 
 
 def building(profile: str) -> None:
     """Build an image in a folder of its own, with the packages that the cache has."""
-    kept = cache.images_folder()
-    with tempfile.TemporaryDirectory(prefix="images-", dir=kept.parent) as folder:
+    images_folder = cache.images_folder()
+    with tempfile.TemporaryDirectory(prefix="images-", dir=images_folder.parent) as folder:
         os.environ[cache.VARIABLE] = folder
-        place = cache.ensure_images_folder()
-        for path in (kept / "packages").glob("*.deb"):
-            os.link(path, place / "packages" / path.name)
+        scratch_folder = cache.ensure_images_folder()
+        for path in (images_folder / "packages").glob("*.deb"):
+            os.link(path, scratch_folder / "packages" / path.name)
         recipe = build.Recipe(build.normal_profiles([profile]), tuple(sources.from_machine()))
         start = time.perf_counter()
         _, value = build.build(recipe, "again", print)
         seconds = time.perf_counter() - start
-        os.environ[cache.VARIABLE] = str(kept)
+        os.environ[cache.VARIABLE] = str(images_folder)
         outcome = value.id in cache.images()
     print(f"{profile}: {seconds:.0f} s, {value.summary}, id {value.id}, known before: {outcome}")
 
@@ -69,9 +69,9 @@ def building(profile: str) -> None:
 def as_file(name: str) -> None:
     """Time export, import and verify, and a desktop from the imported file."""
     result = cache.resolve(name)
-    kept = cache.images_folder()
+    images_folder = cache.images_folder()
     rows: list[list[str]] = []
-    with tempfile.TemporaryDirectory(prefix="images-", dir=kept.parent) as folder:
+    with tempfile.TemporaryDirectory(prefix="images-", dir=images_folder.parent) as folder:
         file = Path(folder, "image.tar.zst")
         rows.append(["export", f"{timed(lambda: archive.write(result, file)):.1f} s"])
         rows.append(["the file", f"{file.stat().st_size / 1e6:.0f} MB"])
@@ -85,9 +85,9 @@ def as_file(name: str) -> None:
         rows.append(["from the file to the first screenshot", f"{seconds:.1f} s"])
         copied = cache.resolve("copy")
         rows.append(["verify", f"{timed(lambda: cache.verify(copied)):.1f} s"])
-        used = sum(path.lstat().st_blocks for path in copied.rglob("*")) * 512
-        rows.append(["on disk", f"{used / 1e6:.0f} MB"])
-        os.environ[cache.VARIABLE] = str(kept)
+        used_bytes = sum(path.lstat().st_blocks for path in copied.rglob("*")) * 512
+        rows.append(["on disk", f"{used_bytes / 1e6:.0f} MB"])
+        os.environ[cache.VARIABLE] = str(images_folder)
         shutil.rmtree(Path(folder, "images"))
     print(table([f"image {name}", "measured"], rows))
 
@@ -131,8 +131,8 @@ def shared(name: str, numbers: list[int]) -> None:
     for number in numbers:
         row = [str(number)]
         for kind in KINDS:
-            anonymous, whole = side_by_side(name if kind == "image" else kind, number)
-            row += [f"{anonymous:.0f}", f"{whole - anonymous:.0f}", f"{whole:.0f}"]
+            anonymous, total_memory = side_by_side(name if kind == "image" else kind, number)
+            row += [f"{anonymous:.0f}", f"{total_memory - anonymous:.0f}", f"{total_memory:.0f}"]
         rows.append([*row, f"{float(row[6]) / float(row[3]):.2f}"])
     print("Memory (PSS) of each, MiB: its own, its share of files' pages, both.\n")
     columns = [f"{kind}: {part}" for kind in ("host", "image") for part in ("own", "files", "both")]

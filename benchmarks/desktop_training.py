@@ -145,9 +145,9 @@ def cloned(pictures: UInt8Array, labels: torch.Tensor, seed: int) -> ChoiceNetwo
     weights = counts.rsqrt()[labels]
     screens = torch.from_numpy(pictures)
     for _ in range(150):
-        some = torch.multinomial(weights, 64, replacement=True)
+        indices = torch.multinomial(weights, 64, replacement=True)
         loss = torch.nn.functional.cross_entropy(
-            network(screens[some]), labels[some], label_smoothing=CURIOUS
+            network(screens[indices]), labels[indices], label_smoothing=CURIOUS
         )
         optimiser.zero_grad()
         loss.backward()
@@ -181,8 +181,8 @@ class SkillEnv(gymnasium.Env[dict[str, Any], str]):
     def step(self, action: str) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Carry out a skill."""
         code = self._hands.act(action, self._screenshot)
-        observations, *rest = self._env.step(code)
-        return self._seen(observations), *rest
+        observations, *further_values = self._env.step(code)
+        return self._seen(observations), *further_values
 
     def truncate(self) -> None:
         """Have the episode judged as it stands."""
@@ -292,11 +292,11 @@ def successes(out: Path) -> dict[tuple[str, int], dict[str, list[float]]]:
             arm, _, seed = record["agent"].rpartition(":")[2].rpartition("_")
             case = record["corruption"], record["task"]
             scores[case][arm, int(seed)] = record["score"] or 0.0
-    everybody = {policy for played in scores.values() for policy in played}
+    everybody = {policy for policies in scores.values() for policy in policies}
     result: dict[tuple[str, int], dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for (corruption, _), played in scores.items():
-        if played.keys() == everybody:
-            for policy, score in played.items():
+    for (corruption, _), policies in scores.items():
+        if policies.keys() == everybody:
+            for policy, score in policies.items():
                 result[policy][corruption].append(score)
     return result
 
@@ -344,8 +344,8 @@ def write_page(out: Path, seeds: int) -> None:
     text = (
         PAGE.read_text() if PAGE.exists() else f"# Training on the real desktop\n\n{BEGIN}{END}\n"
     )
-    head, _, rest = text.partition(BEGIN)
-    _, _, tail = rest.partition(END)
+    head, _, remainder = text.partition(BEGIN)
+    _, _, tail = remainder.partition(END)
     PAGE.write_text(head + "\n\n".join(parts) + tail)
 
 

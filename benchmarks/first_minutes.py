@@ -100,14 +100,14 @@ def starting(clone: Path) -> str:
 def release(clone: Path) -> list[list[str]]:
     """Rows on the wheel and on the site."""
     version = f"{sys.version_info.major}.{sys.version_info.minor}"
-    built, _ = cost([".ci/package", version], clone)
+    package, _ = cost([".ci/package", version], clone)
     (wheel,) = (clone / "build/dist").glob("*.whl")
     docs, output = cost(["make", "docs"], clone)
     result = re.search(r"(\d+) pages, no broken link", output)
     pages = f"{result[1]} pages, 0 broken links" if result else output[-80:]
     mebi = f"{wheel.stat().st_size / 1e6:.1f} MB"
     return [
-        ["sdist and wheel, built and tried with the core alone", str(built), mebi, ""],
+        ["sdist and wheel, built and tried with the core alone", str(package), mebi, ""],
         [f"site: {pages}", str(docs), size(clone / "build/site"), "0 broken links"],
     ]
 

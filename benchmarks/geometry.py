@@ -28,7 +28,7 @@ from itertools import combinations
 
 import numpy as np
 
-from hijack_data.geometry import largest_free_rectangle, union_area
+from hijack_data.geometry import largest_free_rectangle
 from hijack_data.types import Box, BoxArray, Size, as_boxes, clip_boxes
 
 SIZE: Size = (1080, 1920)
@@ -56,7 +56,7 @@ def corner_growth(size: Size, boxes: BoxArray) -> Box:
     rows: Boxes = [tuple(row) for row in boxes.tolist()]
     xs, ys = edges(size, rows)
     best = 0
-    place = (0, 0, 0, 0)
+    best_box = (0, 0, 0, 0)
     for i, left in enumerate(xs):
         for top in ys:
             bottom = size[0]
@@ -69,8 +69,8 @@ def corner_growth(size: Size, boxes: BoxArray) -> Box:
                 area = (right - left) * (bottom - top)
                 if area > best:
                     best = area
-                    place = (left, top, right, bottom)
-    return place
+                    best_box = (left, top, right, bottom)
+    return best_box
 
 
 def strip_scan(size: Size, boxes: BoxArray) -> Box:
@@ -80,7 +80,7 @@ def strip_scan(size: Size, boxes: BoxArray) -> Box:
     _, ys = edges(size, rows)
     right_edge = (width, 0, width, height)
     best = 0
-    place = (0, 0, 0, 0)
+    best_box = (0, 0, 0, 0)
     for top, bottom in combinations(ys, 2):
         left = 0
         for x1, y1, x2, y2 in [*rows, right_edge]:
@@ -88,9 +88,9 @@ def strip_scan(size: Size, boxes: BoxArray) -> Box:
                 area = (x1 - left) * (bottom - top)
                 if area > best:
                     best = area
-                    place = (left, top, x1, bottom)
+                    best_box = (left, top, x1, bottom)
                 left = max(left, x2)
-    return place
+    return best_box
 
 
 def row(
@@ -277,10 +277,13 @@ def measured(name: str, boxes: BoxArray) -> tuple[str, float, float]:
     if not area == first == second:
         raise SystemExit(f"{name}: areas {area}, {first} and {second} differ")
     screen = SIZE[0] * SIZE[1]
+    covered = np.zeros(SIZE, bool)
+    for left, top, right, bottom in boxes.tolist():
+        covered[top:bottom, left:right] = True
     median = statistics.median(times)
     cells = (
         name,
-        f"{union_area(boxes) / screen:.0%}",
+        f"{covered.mean():.0%}",
         f"{area / screen:.1%}",
         f"{min(times) * 1e3:.3f}",
         f"{median * 1e3:.3f}",

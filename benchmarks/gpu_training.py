@@ -88,13 +88,13 @@ def prompt(
     ids = torch.tensor([TEXT_TOKEN] * 400 + turn * pictures, device=device).repeat(rows, 1)
     patches = rows * pictures * grid[0] * grid[1]
     values = torch.randn(patches, 3 * 2 * PATCH**2, device=device, dtype=torch.bfloat16)
-    where = torch.tensor([[1, *grid]], device=device).repeat(rows * pictures, 1)
+    grid_shapes = torch.tensor([[1, *grid]], device=device).repeat(rows * pictures, 1)
     return {
         "input_ids": ids,
         "attention_mask": torch.ones_like(ids),
         "mm_token_type_ids": (ids == IMAGE_TOKEN).int(),
         "pixel_values": values,
-        "image_grid_thw": where,
+        "image_grid_thw": grid_shapes,
     }
 
 
@@ -145,14 +145,14 @@ def answer_rows(model: Any, grid: tuple[int, int], clock: Clock) -> list[list[st
         answer(2)
         clock.peak()
         first = clock(lambda answer=answer: answer(1))
-        whole = clock(lambda answer=answer: answer(ANSWER))
-        rate = ROLLOUTS * (ANSWER - 1) / max(whole - first, 1e-9)
+        answer_seconds = clock(lambda answer=answer: answer(ANSWER))
+        rate = ROLLOUTS * (ANSWER - 1) / max(answer_seconds - first, 1e-9)
         row = [
             str(pictures),
             str(inputs["input_ids"].shape[1]),
             f"{first:.2f}",
             f"{rate:.0f}",
-            f"{whole:.1f}",
+            f"{answer_seconds:.1f}",
             f"{clock.peak():.1f}",
         ]
         rows.append(row)

@@ -119,12 +119,12 @@ def serving(model: ModelServer) -> Iterator[str]:
         def do_POST(self) -> None:
             body = json.loads(self.rfile.read(int(self.headers["content-length"])))
             text = model.reply(body["messages"])
-            sent, answered = count_tokens(body["messages"]), len(text) // CHARS_PER_TOKEN
-            usage = {"prompt_tokens": sent, "completion_tokens": answered}
+            prompt_tokens, answered = count_tokens(body["messages"]), len(text) // CHARS_PER_TOKEN
+            usage = {"prompt_tokens": prompt_tokens, "completion_tokens": answered}
             message = {"role": "assistant", "content": text}
             choice = {"index": 0, "finish_reason": "stop", "message": message}
             head = {"id": "1", "object": "chat.completion", "created": 0, "model": "solutions"}
-            usage["total_tokens"] = sent + answered
+            usage["total_tokens"] = prompt_tokens + answered
             answer = json.dumps({**head, "choices": [choice], "usage": usage}).encode()
             self.send_response(200)
             self.send_header("content-type", "application/json")
@@ -237,8 +237,8 @@ def _score_columns(cell: ComparedCell) -> list[str]:
 def _cost_columns(pairs: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> list[str]:
     steps = [f"{fmean(pair[side]['steps'] for pair in pairs):.1f}" for side in (0, 1)]
     tokens = [fmean(_tokens(pair[side]) for pair in pairs) for side in (0, 1)]
-    counted = f"{tokens[0]:.0f} → {tokens[1]:.0f}" if any(tokens) else ""
-    return [" → ".join(steps), counted]
+    token_text = f"{tokens[0]:.0f} → {tokens[1]:.0f}" if any(tokens) else ""
+    return [" → ".join(steps), token_text]
 
 
 def _tokens(record: Mapping[str, Any]) -> int:
@@ -251,9 +251,9 @@ def _guard_columns(pairs: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]])
     acted = reminded = 0
     for _, record in pairs:
         interventions = record["guard"]["interventions"]
-        acted += any(each["actions"] for each in interventions)
-        reminded += any(not each["actions"] for each in interventions)
-        kinds.update({each["kind"] for each in interventions})
+        acted += any(intervention["actions"] for intervention in interventions)
+        reminded += any(not intervention["actions"] for intervention in interventions)
+        kinds.update({intervention["kind"] for intervention in interventions})
     listed = ", ".join(f"{kind}: {count}" for kind, count in kinds.most_common())
     return [str(acted), str(reminded), listed]
 

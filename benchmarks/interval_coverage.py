@@ -159,8 +159,8 @@ def falls(tasks: int, seeds: int) -> tuple[float, float]:
         solved = draw_tasks(rng, rate, tasks) if number % 2 else np.full(tasks, rate)
         scores = draw_scores(rng, solved, seeds)
         before = statistics.mean_interval(scores, names)
-        for place in [place for place, score in enumerate(scores) if not score][:4]:
-            better = [*scores[:place], 1.0, *scores[place + 1 :]]
+        for index in [index for index, score in enumerate(scores) if not score][:4]:
+            better = [*scores[:index], 1.0, *scores[index + 1 :]]
             after = statistics.mean_interval(better, names)
             fall = max(fall, before.low - after.low, before.high - after.high)
             if after.value > 0.5:
@@ -187,9 +187,9 @@ def main() -> None:
         for rate in RATES
     ]
     for rate in CLEAN_RATES:
-        for kept in SHARES_KEPT:
-            pairs = [pair_coverage(rate, kept, *setting) for setting in settings]
-            name = f"{100 * rate:g} % clean, {100 * kept:g} % of it kept"
+        for share in SHARES_KEPT:
+            pairs = [pair_coverage(rate, share, *setting) for setting in settings]
+            name = f"{100 * rate:g} % clean, {100 * share:g} % of it kept"
             rows.append(["difference", name, *percent([pair[0] for pair in pairs])])
             rows.append(["retention", name, *percent([pair[1] for pair in pairs])])
     for rate in (0.05, 0.5, 0.95):
@@ -202,19 +202,19 @@ def main() -> None:
     rows = []
     methods = ("Clopper-Pearson, 1 x 1", "Gaffke, 9 conditions", "betting, looked at after each")
     for clean_rate in (0.95, 0.5):
-        for kept in KEPT:
-            columns = [certificate_coverage(kept, clean_rate, *setting) for setting in settings]
-            for place, method in enumerate(methods):
-                name = f"{100 * clean_rate:g} % clean, {100 * kept:g} % of it kept"
-                rows.append([method, name, *percent([column[place] for column in columns])])
+        for share in KEPT:
+            columns = [certificate_coverage(share, clean_rate, *setting) for setting in settings]
+            for index, method in enumerate(methods):
+                name = f"{100 * clean_rate:g} % clean, {100 * share:g} % of it kept"
+                rows.append([method, name, *percent([column[index] for column in columns])])
     print(table(("method", "truth", *heads), rows))
     print("\nMean certified retention in percent, 95 % clean:\n")
     rows = []
-    for kept in KEPT:
-        columns = [certified(*setting, kept) for setting in settings]
-        for place, method in enumerate(methods[1:]):
+    for share in KEPT:
+        columns = [certified(*setting, share) for setting in settings]
+        for index, method in enumerate(methods[1:]):
             rows.append(
-                [method, f"{100 * kept:g} % kept", *percent([column[place] for column in columns])]
+                [method, f"{100 * share:g} % kept", *percent([column[index] for column in columns])]
             )
     print(table(("method", "truth", *heads), rows))
     ends = [falls(*setting) for setting in settings]

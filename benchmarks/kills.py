@@ -238,14 +238,14 @@ class Killer:
     def _wait_until_gone(self) -> None:
         """Wait until all that belonged to a killed runner has ended."""
         start = time.monotonic()
-        left = set(self._alive())
-        while left and time.monotonic() < start + PATIENCE:
-            if any(KEEPER in command_of(pid) for pid in left):
+        living_processes = set(self._alive())
+        while living_processes and time.monotonic() < start + PATIENCE:
+            if any(KEEPER in command_of(pid) for pid in living_processes):
                 self.outcome.slowest_end = max(self.outcome.slowest_end, time.monotonic() - start)
             time.sleep(0.1)
-            left = set(self._alive())
-        if left:
-            names = ", ".join(f"{pid} {command_of(pid)[:60]}" for pid in sorted(left))
+            living_processes = set(self._alive())
+        if living_processes:
+            names = ", ".join(f"{pid} {command_of(pid)[:60]}" for pid in sorted(living_processes))
             self.outcome.problems.append(f"still there after a kill: {names}")
         self._known.clear()
 
@@ -261,13 +261,13 @@ class Killer:
     def _check_desktops(self) -> None:
         """Note what is left of the desktops of the runs."""
         present = {record["id"]: record.get("keeper") for record in registry.records()}
-        left = [
+        leftovers = [
             name for name, keeper in self._known_desktops.items() if present.get(name) == keeper
         ]
-        lost = {*network.leftovers(set(present)), *limits.leftovers(set(present))}
-        left += sorted(lost.intersection(self._known_desktops))
-        if left:
-            self.outcome.problems.append(f"left of desktops: {', '.join(left)}")
+        leftover_parts = {*network.leftovers(set(present)), *limits.leftovers(set(present))}
+        leftovers += sorted(leftover_parts.intersection(self._known_desktops))
+        if leftovers:
+            self.outcome.problems.append(f"left of desktops: {', '.join(leftovers)}")
         self._known_desktops.clear()
 
     def _check(self, out: Path, code: int) -> None:
@@ -275,7 +275,7 @@ class Killer:
         self._wait_until_gone()
         self._check_desktops()
         run = records.read(out)
-        counted = Counter(record["id"] for record in run.records)
+        counts = Counter(record["id"] for record in run.records)
         cases = latest(run.records)
         outcome = self.outcome
         outcome.ended += 1
@@ -283,7 +283,7 @@ class Killer:
         outcome.repeated += len(run.records) - len(cases)
         if code != 0:
             outcome.problems.append(f"{out}: exit code {code}")
-        twice = [name for name, number in counted.items() if number > 1]
+        twice = [name for name, number in counts.items() if number > 1]
         if twice:
             outcome.problems.append(f"{out}: counted twice: {', '.join(twice)}")
         if run.missing or len(cases) != run.planned:
@@ -329,9 +329,9 @@ def main() -> None:
         ["s after which the desktops of a killed runner had ended", f"{outcome.slowest_end:.1f}"],
     ]
     print(f"\n{machine()}\n")
-    whole = sum(outcome.kills.values())
+    kill_count = sum(outcome.kills.values())
     took = format_duration(time.monotonic() - start)
-    print(f"{whole} kills on {args.desktops} desktops, seed {args.seed}, {took}\n")
+    print(f"{kill_count} kills on {args.desktops} desktops, seed {args.seed}, {took}\n")
     print(table(["what", "number"], rows))
     for problem in outcome.problems:
         print(json.dumps(problem))

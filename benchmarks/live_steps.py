@@ -105,12 +105,12 @@ def switches(runs: int) -> str:
             resets.append(seconds(desktop.reset))
             setups.append(seconds(lambda: task.setup(Machine(desktop, stage.sites))))
             effects.append(seconds(lambda kind=following: _prove(desktop, kind)))
-    both = [value + second for value, second in zip(resets, setups, strict=True)]
-    goal = "yes" if statistics.median(both) <= GOAL_SWITCH else "no"
+    totals = [value + second for value, second in zip(resets, setups, strict=True)]
+    goal = "yes" if statistics.median(totals) <= GOAL_SWITCH else "no"
     rows = [
         ["reset", spread(resets, 2), ""],
         ["setup", spread(setups, 2), ""],
-        ["reset and setup", spread(both, 2), goal],
+        ["reset and setup", spread(totals, 2), goal],
         ["effect and probe", spread(effects, 2), ""],
     ]
     return table(["what", "s, min / median / max", f"goal <= {GOAL_SWITCH} s"], rows)

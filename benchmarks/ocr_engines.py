@@ -53,7 +53,7 @@ class EngineReading:
 
 def main() -> None:
     """Print the table."""
-    paths = chosen(sys.argv[1:])
+    paths = choose_pictures(sys.argv[1:])
     entries: dict[str, list[EngineReading]] = {engine: [] for engine in ENGINES}
     for _ in range(ROUNDS):
         for engine, readings in entries.items():
@@ -62,12 +62,18 @@ def main() -> None:
     first = entries[ONNX][0].lines
     rows: list[list[str]] = []
     for engine, readings in entries.items():
-        whole = [seconds for reading in readings for seconds in reading.whole]
+        whole_times = [seconds for reading in readings for seconds in reading.whole]
         part = [seconds for reading in readings for seconds in reading.part]
         memory = max(reading.memory for reading in readings)
         same = sum(value == second for value, second in zip(first, readings[0].lines, strict=True))
         rows.append(
-            [engine, spread(whole, 2), spread(part, 2), f"{memory:.2f}", f"{same} of {len(first)}"]
+            [
+                engine,
+                spread(whole_times, 2),
+                spread(part, 2),
+                f"{memory:.2f}",
+                f"{same} of {len(first)}",
+            ]
         )
     print(f"{machine()}\n")
     header = [
@@ -80,7 +86,7 @@ def main() -> None:
     print(table(header, rows))
 
 
-def chosen(words: list[str]) -> list[Path]:
+def choose_pictures(words: list[str]) -> list[Path]:
     """Return the pictures to read."""
     if not words:
         return sorted(EXAMPLES.glob("*.png"))
@@ -94,7 +100,7 @@ def read_all(paths: list[Path], engine: str) -> EngineReading:
     if engine == AS_STARTED:
         ocr._compile = lambda finder: None
     boxes_from_ocr(np.zeros((64, 64, 3), np.uint8))  # loads the models
-    whole: list[float] = []
+    whole_times: list[float] = []
     part: list[float] = []
     lines: list[tuple[list[list[int]], tuple[str, ...]]] = []
 
@@ -107,13 +113,13 @@ def read_all(paths: list[Path], engine: str) -> EngineReading:
     rng = np.random.default_rng(0)
     for path in paths:
         picture = np.asarray(Image.open(path).convert("RGB"))
-        read(picture, whole)
+        read(picture, whole_times)
         for _ in range(PARTS):
             top, left = (int(rng.integers(0, side // 2)) for side in picture.shape[:2])
             height, width = (int(rng.integers(side // 12, side // 3)) for side in picture.shape[:2])
             read(picture[top : top + height, left : left + width], part)
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-    return EngineReading(whole, part, memory, lines)
+    return EngineReading(whole_times, part, memory, lines)
 
 
 if __name__ == "__main__":

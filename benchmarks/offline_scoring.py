@@ -61,7 +61,7 @@ def record(folder: Path) -> Path:
     return folder
 
 
-def used() -> float:
+def cpu_time() -> float:
     """Return the processor time of this process and of those that ended, in seconds."""
     kinds = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     values = [resource.getrusage(kind) for kind in kinds]
@@ -70,11 +70,11 @@ def used() -> float:
 
 def read(folder: Path) -> Measured:
     """Read all rows."""
-    before = used()
+    before = cpu_time()
     start = time.perf_counter()
     count = sum(1 for _ in open_dataset(folder))
     seconds = time.perf_counter() - start
-    return Measured(count, count / seconds, used() - before)
+    return Measured(count, count / seconds, cpu_time() - before)
 
 
 def score(folder: Path, out: Path, workers: int = 1, limit: int | None = None) -> Measured:
@@ -84,11 +84,11 @@ def score(folder: Path, out: Path, workers: int = 1, limit: int | None = None) -
     )
     run = ScoreRun(settings)
     ticks: list[float] = []
-    before = used()
+    before = cpu_time()
     with run.begin(out, resume=False):
         run.play(out, run.remaining_cases(out), lambda *_: ticks.append(time.perf_counter()), print)
     rate = (len(ticks) - 1) / (time.perf_counter() - ticks[0])
-    return Measured(len(ticks), rate, used() - before)
+    return Measured(len(ticks), rate, cpu_time() - before)
 
 
 def row_of(output: str, folder: Path) -> list[str]:
@@ -96,17 +96,17 @@ def row_of(output: str, folder: Path) -> list[str]:
     reads: list[Measured] = []
     scores: list[Measured] = []
     firsts: list[Measured] = []
-    both: list[Measured] = []
+    measurements: list[Measured] = []
     for repeat in range(REPEATS):
-        place = folder.parent / f"{output}-{repeat}"
+        out = folder.parent / f"{output}-{repeat}"
         reads.append(read(folder))
-        scores.append(score(folder, place / "all"))
-        firsts.append(score(folder, place / "one", limit=1))
-        both.append(score(folder, place / "two", workers=2))
+        scores.append(score(folder, out / "all"))
+        firsts.append(score(folder, out / "one", limit=1))
+        measurements.append(score(folder, out / "two", workers=2))
     reading = min(first.cpu for first in reads) / reads[0].rows
     more = min(first.cpu for first in scores) - min(first.cpu for first in firsts)
     scoring = more / (scores[0].rows - firsts[0].rows)
-    rates = [spread([first.rate for first in part], 1) for part in (reads, scores, both)]
+    rates = [spread([first.rate for first in part], 1) for part in (reads, scores, measurements)]
     return [
         output,
         *rates,
@@ -121,10 +121,10 @@ def main() -> None:
     if not SHARED.is_dir():
         sys.exit("no recordings: see tests on shared/data in CONTRIBUTING.md")
     rows: list[list[str]] = []
-    with tempfile.TemporaryDirectory() as place:
-        source = record(Path(place) / "source")
+    with tempfile.TemporaryDirectory() as scratch:
+        source = record(Path(scratch) / "source")
         for output in ("materialised", "lazy"):
-            folder = Path(place) / output
+            folder = Path(scratch) / output
             build(source, folder, corruptions=CORRUPTIONS, seed=7, output=output)
             rows.append(row_of(output, folder))
     print(machine(), end="\n\n")

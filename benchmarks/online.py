@@ -2,7 +2,6 @@
 
 Then `--parallel` desktops are driven at once, and `--cycles` rounds of up, reset, down are looked
 through for what they leave behind. `--only sizes,install --parallel 0 --cycles 0` runs parts alone.
-`virtual_machine.py` has one beside it.
 """
 
 import argparse
@@ -257,9 +256,9 @@ def cycles(count: int) -> list[list[str]]:
         desktop.reset()
         desktop.close()
     took = time.perf_counter() - start
-    left = traces(name)
+    leftovers = traces(name)
     more = programs() - processes
-    outcome = json.dumps(left) if left else "nothing"
+    outcome = json.dumps(leftovers) if leftovers else "nothing"
     return [
         [f"{count} cycles of up, reset, down", f"{took:.0f} s", str(count), ""],
         ["left behind by them", f"{outcome}; processes on the machine: {more:+d}", "1", "nothing"],
@@ -283,12 +282,12 @@ def main() -> None:
         "actions": lambda: actions(options.runs * 3 + 2),
         "install": installs,
     }
-    chosen = options.only.split(",")
-    unknown = set(chosen) - set(parts) - {"none"}
+    part_names = options.only.split(",")
+    unknown = set(part_names) - set(parts) - {"none"}
     if unknown:
         parser.error(f"--only: {', '.join(sorted(unknown))} is none of {', '.join(parts)}")
     rows: list[list[str]] = []
-    for name in chosen:
+    for name in part_names:
         if name in parts:
             rows += parts[name]()
     if options.parallel:

@@ -40,8 +40,8 @@ def main(folders: Sequence[str]) -> None:
     scored = [record for record in records if record["status"] == "ok"]
     rows = [episode_row(record) for record in scored]
     setups = sorted(row[0] for row in rows)
-    long = [(rest / steps) for _, rest, steps in rows if steps >= 4]
-    short = [rest for _, rest, steps in rows if steps < 4]
+    long = [(rest_seconds / steps) for _, rest_seconds, steps in rows if steps >= 4]
+    short = [rest_seconds for _, rest_seconds, steps in rows if steps < 4]
     print(f"episodes {len(records)}, ok {len(scored)}, tasks {len({r['task'] for r in records})}")
     print(f"reset and set-up, s: {setups[0]:.1f} / {median(setups):.1f} / {setups[-1]:.1f}")
     if long:

@@ -33,7 +33,7 @@ def recorded() -> dict[str, list[Path]]:
     return entries
 
 
-def played(runs: Path) -> dict[str, list[Path]]:
+def find_runs(runs: Path) -> dict[str, list[Path]]:
     """What the agent saw in the first episodes of a run."""
     entries: dict[str, list[Path]] = {}
     for folder in sorted(runs.glob("episodes/*/frames"))[:EPISODES]:
@@ -78,16 +78,16 @@ def measured(episodes: dict[str, list[Path]]) -> tuple[dict[str, Reading], int]:
         "what changed": Reading(lambda: ScreenReader(shared)),
         "what changed, a second time": Reading(lambda: ScreenReader(shared)),
     }
-    whole = ways["every picture as a whole"]
-    whole.make().read(np.zeros((64, 64, 3), np.uint8))  # loads the models
+    whole_way = ways["every picture as a whole"]
+    whole_way.make().read(np.zeros((64, 64, 3), np.uint8))  # loads the models
     total = 0
     for paths in episodes.values():
         readers = [(way, way.make()) for way in ways.values()]
         for picture in pixels(paths):
             for way, reader in readers:
                 way.read(reader, picture)
-                way.lost += len(whole.texts - way.texts)
-            total += len(whole.texts)
+                way.lost += len(whole_way.texts - way.texts)
+            total += len(whole_way.texts)
         for way, reader in readers:
             way.count(reader)
     return ways, total
@@ -95,21 +95,21 @@ def measured(episodes: dict[str, list[Path]]) -> tuple[dict[str, Reading], int]:
 
 def main() -> None:
     """Print the table."""
-    episodes = played(Path(sys.argv[1])) if len(sys.argv) > 1 else recorded()
+    episodes = find_runs(Path(sys.argv[1])) if len(sys.argv) > 1 else recorded()
     ways, total = measured(episodes)
-    whole = ways["every picture as a whole"]
+    whole_way = ways["every picture as a whole"]
     rows = [
         [
             name,
             spread(way.times, 2),
-            f"{sum(way.times) / sum(whole.times):.2f}",
+            f"{sum(way.times) / sum(whole_way.times):.2f}",
             str(way.calls),
-            f"{way.pixels / whole.pixels:.2f}",
+            f"{way.pixels / whole_way.pixels:.2f}",
             f"{way.lost / total:.1%}",
         ]
         for name, way in ways.items()
     ]
-    print(f"{len(episodes)} episodes, {len(whole.times)} pictures.\n")
+    print(f"{len(episodes)} episodes, {len(whole_way.times)} pictures.\n")
     print(f"{machine()}\n")
     header = [
         "read",

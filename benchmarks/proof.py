@@ -99,7 +99,7 @@ def heading(held_out: str) -> str:
 def main_table(results: dict[Run, dict[str, Any]], held_out: str) -> str:
     """Return the table of one choice of corruptions beside no augmentation."""
     rows = []
-    for split, where in SPLITS.items():
+    for split, split_folder in SPLITS.items():
         for condition in CONDITIONS:
             without, augmented = (
                 counts(results, name, split, condition) for name in (None, held_out)
@@ -107,7 +107,9 @@ def main_table(results: dict[Run, dict[str, Any]], held_out: str) -> str:
             result = f"**{condition}, held out**" if condition == held_out else condition
             gain = accuracy(augmented, without)
             points = f"{100 * gain.value:+.1f} ({100 * gain.low:+.1f} to {100 * gain.high:+.1f})"
-            rows.append([where, result, str(accuracy(without)), str(accuracy(augmented)), points])
+            rows.append(
+                [split_folder, result, str(accuracy(without)), str(accuracy(augmented)), points]
+            )
     return table(
         ["evaluated on", "corruption", "no augmentation", "augmented", "difference in points"], rows
     )

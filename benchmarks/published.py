@@ -111,19 +111,19 @@ def main() -> None:
         if name == OSWORLD and options.osworld:
             words += ["--tasks", ",".join(in_windows(options.osworld))]
         if name == ALL_TASKS:
-            words += ["--tasks", ",".join(planned())]
+            words += ["--tasks", ",".join(tasks_with_plans())]
         if options.desktops:
             words += ["--desktops", str(options.desktops)]
         play(words, runs)
     result.mkdir(parents=True, exist_ok=True)
     if name not in UNPUBLISHED:
         copy_records(runs, result / "run")
-    written = result / "report.json"
-    written.unlink(missing_ok=True)
-    chosen = ["--seeds", options.report_only] if options.report_only else []
+    report_path = result / "report.json"
+    report_path.unlink(missing_ok=True)
+    seed_options = ["--seeds", options.report_only] if options.report_only else []
     with suppress(CalledProcessError):
-        hijack("report", runs, *chosen, "--out", written)
-    draw(read_report(written), result / "success.svg")
+        hijack("report", runs, *seed_options, "--out", report_path)
+    draw(read_report(report_path), result / "success.svg")
     page = result / "about.md"
     if name in published_table.TABLES and page.exists():
         run = reading.read(runs)
@@ -152,7 +152,7 @@ def play(words: Sequence[str], runs: Path) -> None:
         hijack("bench", *words, "--out", runs, *going_on)
 
 
-def planned() -> list[str]:
+def tasks_with_plans() -> list[str]:
     """Return the tasks of the suite that have a plan in words, without which `pixel` ends."""
     return [task for task in tasks.names() if tasks.get(task).plan()]
 

@@ -58,17 +58,17 @@ def domains(run: Run, agent: str) -> str:
     ]
     domain_of = {task: tasks.get(task).domain for task in tasks.names()}
     entries: dict[str, dict[str, list[float]]] = {}
-    counted: dict[str, set[str]] = {}
+    cases_by_cell: dict[str, set[str]] = {}
     for label in labels:
         scored = groups.scored[agent, label]
         for task, score in zip(scores.task_names(scored), scored.values(), strict=True):
             domain = domain_of[task]
             entries.setdefault(domain, {}).setdefault(label, []).append(score)
-            counted.setdefault(domain, set()).add(task)
+            cases_by_cell.setdefault(domain, set()).add(task)
     table = [
         [
             domain,
-            str(len(counted[domain])),
+            str(len(cases_by_cell[domain])),
             *(f"{100 * fmean(value[label]):.0f}" if label in value else "" for label in labels),
         ]
         for domain, value in sorted(entries.items())
@@ -153,7 +153,7 @@ def gain(guarded: Run, plain: str) -> str:
             for record in guarded.last_attempts
             if (record["agent"], record["corruption"]) == (cell.after, cell.corruption)
         ]
-        acted = sum(any(each["actions"] for each in act) for act in acts)
+        acted = sum(any(intervention["actions"] for intervention in act) for act in acts)
         change = formatting.percent(cell.difference, "+")
         row = [
             f"`{cell.after}`",
@@ -212,14 +212,14 @@ def rewrite(page: Path, name: str, run: Run) -> None:
     write_atomic(page, text)
 
 
-def written(text: str, kind: str) -> str:
+def read_block(text: str, kind: str) -> str:
     """Return a table of a page, without its comments."""
     return text.partition(begin(kind))[2].partition(END)[0].strip("\n")
 
 
 def _with_table(text: str, comment: str, table: str, page: Path) -> str:
-    before, value, rest = text.partition(comment)
-    _, end, after = rest.partition(END)
+    before, value, tail = text.partition(comment)
+    _, end, after = tail.partition(END)
     if not (value and end):
         raise ValueError(f"{page}: has no place for a table; write {comment}{END}where it belongs")
     return f"{before}{comment}\n{table}\n{END}{after}"

@@ -42,7 +42,7 @@ def main(trajectories: int = 40) -> None:
             _timed(folder, "small", "ray", 2)
             first = time.perf_counter() - start
             spent, rows = _measure(folder)
-            used = _resident()
+            memory_before = _resident()
         start_local = _timed(folder, "small", "local", 2)[0]
     print(f"{rows} rows of 1920x1080 PNG screenshots, {trajectories} shards.\n")
     print(f"{machine()}, ray {ray.__version__}\n")
@@ -50,7 +50,7 @@ def main(trajectories: int = 40) -> None:
     print(
         f"\nRay itself: started in {started:.1f} s, first small build of two shards done after"
         f" {first:.1f} s (local, two spawned processes: {start_local:.1f} s). Memory of its two"
-        f" workers after all builds: {used}."
+        f" workers after all builds: {memory_before}."
     )
 
 

@@ -68,13 +68,13 @@ def _row(engine: str, bench: Bench, folder: Path) -> tuple[str, ...]:
     with open_pool(engine, setup, len(listed), 1) as pool:
         run_jobs(listed, folder, 0, pool, times, reserve=pool.reserve)
         peak = _peak(engine)
-    written = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    episode_path = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
     later = [1000 * seconds for seconds in times.added[1:]]  # the first one starts the desktop
     return (
         engine,
         str(len(later)),
         spread(later, 0),
-        f"{written / len(listed) / 1e6:.1f}",
+        f"{episode_path / len(listed) / 1e6:.1f}",
         f"{peak / MIB:.0f}",
     )
 

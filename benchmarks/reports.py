@@ -48,8 +48,8 @@ def synthetic(folder: Path, seeds: int = 1) -> int:
     rng = np.random.default_rng(0)
     conditions = (CLEAN, *NINE)
     lines = [
-        _record(agent, f"task_{task}", condition, seed, float(rng.random() < 0.9 - 0.07 * place))
-        for place, agent in enumerate(AGENTS)
+        _record(agent, f"task_{task}", condition, seed, float(rng.random() < 0.9 - 0.07 * index))
+        for index, agent in enumerate(AGENTS)
         for condition in conditions
         for task in range(TASKS)
         for seed in range(seeds)
@@ -104,14 +104,14 @@ def _record(agent: str, task: str, condition: str, seed: int, score: float) -> d
 def seconds_of(folder: Path, format: str) -> tuple[float, float]:
     """Run `hijack report` once; returns the seconds it took, and those it computed."""
     argv = [sys.executable, "-m", "hijack_data.cli", "report", str(folder), "--format", format]
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    child_usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     begin = time.perf_counter()
     subprocess.run(
         [*argv, "-o", str(folder.parent / format)], check=True, stdout=subprocess.DEVNULL
     )
-    taken = time.perf_counter() - begin
+    wall_seconds = time.perf_counter() - begin
     now = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return taken, now.ru_utime + now.ru_stime - used.ru_utime - used.ru_stime
+    return wall_seconds, now.ru_utime + now.ru_stime - child_usage.ru_utime - child_usage.ru_stime
 
 
 def rows_of_others(path: Path) -> int:
@@ -121,8 +121,8 @@ def rows_of_others(path: Path) -> int:
     count = 0
     with path.open("w") as file:
         for agent in range(4):
-            for place, condition in enumerate(conditions):
-                scores = (rng.random((5000, 5)) < 0.9 - 0.07 * place).astype(int).tolist()
+            for index, condition in enumerate(conditions):
+                scores = (rng.random((5000, 5)) < 0.9 - 0.07 * index).astype(int).tolist()
                 for task, repeats in enumerate(scores):
                     for seed, score in enumerate(repeats):
                         row = {"agent": f"agent-{agent}", "task": f"task {task}"}
@@ -142,14 +142,14 @@ def ten_million_rows(path: Path) -> int:
     count = 0
     writer = None
     for agent in range(4):
-        for place, condition in enumerate(conditions):
+        for index, condition in enumerate(conditions):
             table = pa.table(
                 {
                     "agent": pa.repeat(f"agent-{agent}", len(task)),
                     "task": pa.DictionaryArray.from_arrays(task, tasks).cast(pa.string()),
                     "condition": pa.repeat(condition, len(task)),
                     "seed": seed,
-                    "score": (rng.random(len(task)) < 0.9 - 0.07 * place).astype(np.float64),
+                    "score": (rng.random(len(task)) < 0.9 - 0.07 * index).astype(np.float64),
                 }
             )
             writer = writer or parquet.ParquetWriter(path, table.schema)
@@ -164,24 +164,24 @@ def goals(folder: Path, run_33210: Path) -> list[list[str]]:
     """Return what the reports with a goal of their own take, as rows of a table."""
     run = RESULTS / "reference_agents" / "run"
     remaining, many = folder / "others.jsonl", folder / "many.parquet"
-    count, most = rows_of_others(remaining), ten_million_rows(many)
+    count, peak_memory = rows_of_others(remaining), ten_million_rows(many)
     rows: list[list[str]] = []
     for name, source, seconds, gib, peer in (
         ("4,320 episodes (docs/results/reference_agents)", run, 1.0, 1.0, JSON_LINES),
         ("33,210 episodes", run_33210, 5.0, 1.0, JSON_LINES),
         (f"{count:,} rows of a table in JSON Lines", remaining, 20.0, 1.0, ARROW_JSON),
-        (f"{most:,} rows of a table in Parquet", many, 200.0, 2.0, ARROW_PARQUET),
+        (f"{peak_memory:,} rows of a table in Parquet", many, 200.0, 2.0, ARROW_PARQUET),
     ):
         report = ["report", str(source)]
         measured = [measure_process(REPORT, report) for _ in range(RUNS)]
-        taken, computed = min(item[:2] for item in measured)
+        wall_seconds, computed = min(item[:2] for item in measured)
         memory = max(item[2] for item in measured)
         file = source / RECORDS if source.is_dir() else source
         reading = min(measure_process(peer, [str(file)])[1] for _ in range(RUNS))
         is_met = "yes" if computed <= seconds and memory <= gib else "NO"
         goal = f"<= {seconds:g} s of the processor, {gib:g} GiB: {is_met}"
         ratio = f"{reading:.2f} ({computed / reading:.1f}x)"
-        rows.append([name, f"{taken:.1f}", f"{computed:.2f}", f"{memory:.2f}", ratio, goal])
+        rows.append([name, f"{wall_seconds:.1f}", f"{computed:.2f}", f"{memory:.2f}", ratio, goal])
     return rows
 
 
@@ -200,22 +200,24 @@ def measure_process(work: str, arguments: list[str]) -> tuple[float, float, floa
         stderr=subprocess.PIPE,
         text=True,
     )
-    taken = time.perf_counter() - begin
+    wall_seconds = time.perf_counter() - begin
     computed, memory = map(float, process.stderr.split()[-2:])
-    return taken, computed, memory
+    return wall_seconds, computed, memory
 
 
 def main() -> None:
-    with tempfile.TemporaryDirectory() as place:
-        folder = Path(place) / "run"
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch) / "run"
         count = synthetic(folder)
         size = (folder / RECORDS).stat().st_size / 2**20
         rows = []
         for format in FORMATS:
-            taken, computed = min(seconds_of(folder, format) for _ in range(RUNS))
-            verdict = "yes" if taken <= GOAL else "NO"
-            rows.append([format, f"{taken:.1f}", f"{computed:.1f}", f"<= {GOAL:g} s: {verdict}"])
-        further = goals(Path(place), folder)
+            wall_seconds, computed = min(seconds_of(folder, format) for _ in range(RUNS))
+            verdict = "yes" if wall_seconds <= GOAL else "NO"
+            rows.append(
+                [format, f"{wall_seconds:.1f}", f"{computed:.1f}", f"<= {GOAL:g} s: {verdict}"]
+            )
+        further = goals(Path(scratch), folder)
     print(machine())
     load = " ".join(f"{value:.1f}" for value in os.getloadavg())
     print(f"\n{count} episodes, {len(AGENTS)} agents, {size:.0f} MiB of records; load {load}.\n")

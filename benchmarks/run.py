@@ -25,7 +25,6 @@ SCRIPTS = {
     "online": "The embedded desktop",
     "install_times": "Installing the embedded desktop",
     "desktop_image": "Images of the desktop",
-    "virtual_machine": "A virtual machine beside the embedded desktop",
     "effects": "Effects on a live desktop",
     "guards": "Guards",
     "slow_network": "slow_network by severity",

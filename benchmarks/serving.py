@@ -191,8 +191,8 @@ def compare(rounds: int, episodes: int, steps: int) -> str:
     for count in (1, 2, 4):
         here, timings = Timings(), Timings()
         with closing(InProcess(count)) as inside, closing(ThroughServer(count, count)) as outside:
-            for place in (inside, outside):
-                played(place, count, 1, 2)  # not counted: everything is loaded by it
+            for folder in (inside, outside):
+                played(folder, count, 1, 2)  # not counted: everything is loaded by it
             for _ in range(rounds):
                 here.add(played(inside, count, episodes, steps))
                 timings.add(played(outside, count, episodes, steps))
@@ -224,14 +224,14 @@ def soak(minutes: float, sessions: int, desktops: int) -> str:
     """Let hostile clients act for a while; return what the server held before and after."""
     words = ("--sessions", str(2 * sessions), "--line", str(sessions), "--wait", "280")
     token = secrets.token_hex(16)
-    with closing(ThroughServer(0, desktops, *words, token=token)) as place:
-        samples = [held(place)]
+    with closing(ThroughServer(0, desktops, *words, token=token)) as server:
+        samples = [held(server)]
         start = time.monotonic()
         with ThreadPoolExecutor(1) as thread:
-            future = thread.submit(hostile_clients.soak, place.url, token, sessions, minutes * 60)
+            future = thread.submit(hostile_clients.soak, server.url, token, sessions, minutes * 60)
             while not future.done():
                 wait([future], min(60.0, minutes * 20))
-                samples.append(held(place))
+                samples.append(held(server))
                 print(samples[-1], file=sys.stderr, flush=True)
         problems = [problem for client in future.result() for problem in client.problems]
         seconds = time.monotonic() - start
@@ -290,15 +290,15 @@ def main() -> None:
     parser.add_argument("--soak", type=float, default=0.0, metavar="MINUTES")
     parser.add_argument("--sessions", type=int, default=4)
     parser.add_argument("--desktops", type=int, default=2)
-    chosen = parser.parse_args()
-    if chosen.soak:
-        print(soak(chosen.soak, chosen.sessions, chosen.desktops))
+    options = parser.parse_args()
+    if options.soak:
+        print(soak(options.soak, options.sessions, options.desktops))
         return
     print(machine())
     print()
-    print(compare(chosen.rounds, chosen.episodes, chosen.steps))
+    print(compare(options.rounds, options.episodes, options.steps))
     print()
-    print(soak(5.0, chosen.sessions, chosen.desktops))
+    print(soak(5.0, options.sessions, options.desktops))
 
 
 if __name__ == "__main__":

@@ -29,9 +29,9 @@ HEAD = "# What the oracle needed on two cores: medians over seeds; made by `pyth
 
 def play(desktops: int, seeds: int, tasks: str, out: Path) -> float:
     """Run the oracle over a set of tasks; return the seconds that it took."""
-    chosen = ["--agent", "oracle", "--corruptions", "clean", "--seeds", str(seeds)]
+    options = ["--agent", "oracle", "--corruptions", "clean", "--seeds", str(seeds)]
     placed = ["--desktops", str(desktops), "--out", str(out)]
-    command = [sys.executable, "-m", "hijack_data.cli", "bench", tasks, *chosen, *placed]
+    command = [sys.executable, "-m", "hijack_data.cli", "bench", tasks, *options, *placed]
     start = time.monotonic()
     subprocess.run(command, check=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return time.monotonic() - start
@@ -50,8 +50,8 @@ def by_task(records: Sequence[Mapping[str, Any]]) -> dict[str, list[Mapping[str,
 def measured(tasks: Mapping[str, Sequence[Mapping[str, Any]]]) -> dict[str, dict[str, float]]:
     """Return the medians of each task that the oracle solved."""
     entries: dict[str, dict[str, float]] = {}
-    for name, played in sorted(tasks.items()):
-        solved = [record for record in played if record["score"] == 1.0]
+    for name, episodes in sorted(tasks.items()):
+        solved = [record for record in episodes if record["score"] == 1.0]
         if solved:
             entries[name] = {
                 "actions": int(statistics.median_low(record["steps"] - 1 for record in solved)),
@@ -108,20 +108,20 @@ def main() -> None:
 
 def summary(tasks: Mapping[str, Sequence[Mapping[str, Any]]]) -> str:
     """Return what a reader wants to know of one run, in a table."""
-    played = [record for group in tasks.values() for record in group]
-    solved = sum(record["score"] == 1.0 for record in played)
+    episodes = [record for group in tasks.values() for record in group]
+    solved = sum(record["score"] == 1.0 for record in episodes)
     setups = {
         name: statistics.median(record["setup_seconds"] for record in group)
         for name, group in tasks.items()
     }
     slowest = max(setups, key=lambda name: setups[name])
-    per_step = [(r["seconds"] - r["setup_seconds"]) / max(1, r["steps"]) for r in played]
+    per_step = [(r["seconds"] - r["setup_seconds"]) / max(1, r["steps"]) for r in episodes]
     actions = [m["actions"] for m in measured(tasks).values()]
     lines = [len(path.read_text().splitlines()) for path in FOLDER.glob("*/[a-z]*.py")]
     over_8 = sum(count > 8 for count in actions)
     rows = [
         ["tasks", str(len(tasks)), ""],
-        ["oracle, success", f"{solved} of {len(played)}", "all"],
+        ["oracle, success", f"{solved} of {len(episodes)}", "all"],
         ["seconds a step, settling and looking", f"{statistics.median(per_step):.2f}", ""],
         ["set-up, s", f"{statistics.median(setups.values()):.1f} median", ""],
         ["slowest set-up, s", f"{setups[slowest]:.1f} ({slowest})", ""],

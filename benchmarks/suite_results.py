@@ -78,7 +78,7 @@ def episodes(folder: Path) -> dict[str, list[Played]]:
     return result
 
 
-def kept(agent: str) -> list[Played]:
+def kept_episodes(agent: str) -> list[Played]:
     """Read what earlier runs have left."""
     path = RESULTS / "suite" / f"{agent}.csv"
     if not path.exists():
@@ -109,11 +109,11 @@ def keep(agent: str, played: Iterable[Played]) -> None:
 
 def cell(task: Task, corruption: str, scores: Sequence[float]) -> str:
     """Return what the table says of one task under one corruption."""
-    declared = corruption in task.unsolvable
+    is_unsolvable = corruption in task.unsolvable
     if not scores:
-        return UNSOLVABLE if declared else OPEN
+        return UNSOLVABLE if is_unsolvable else OPEN
     solved = sum(score == 1.0 for score in scores)
-    if declared and not solved:
+    if is_unsolvable and not solved:
         return UNSOLVABLE
     if solved == len(scores):
         return SOLVED
@@ -145,10 +145,10 @@ def totals(agents: Mapping[str, Sequence[Played]], tasks: Mapping[str, Task]) ->
         for corruption in COLUMNS
     ]
     rows = [[f"tasks declared solvable, of {len(tasks)}", *counts]]
-    for agent, played in agents.items():
+    for agent, agent_records in agents.items():
         row = [f"`{agent}`, solved of played"]
         for corruption in COLUMNS:
-            scores = [item.score for item in played if item.corruption == corruption]
+            scores = [item.score for item in agent_records if item.corruption == corruption]
             solved = sum(score == 1.0 for score in scores)
             row.append(f"{solved} of {len(scores)}" if scores else "not run")
         rows.append(row)
@@ -223,12 +223,12 @@ def page(agents: Mapping[str, Sequence[Played]]) -> str:
             "Each task declares under which corruptions not even a careful user can do it.",
             against(result, agents["recovering"]),
         ]
-    for agent, played in agents.items():
+    for agent, agent_records in agents.items():
         parts += [
             f"## Each task with `{agent}`",
             f"{SOLVED} solved, {FAILED} not solved, {UNSOLVABLE} declared unsolvable; a fraction"
             " where episodes of one case ended differently; empty where none was played.",
-            by_task(result, played),
+            by_task(result, agent_records),
         ]
     return "\n\n".join(parts) + "\n"
 
@@ -238,17 +238,21 @@ def main() -> None:
     options = argparse.ArgumentParser()
     options.add_argument("runs", nargs="*", type=Path, help="folders of runs to add")
     args = options.parse_args()
-    agents = {agent: kept(agent) for agent in AGENTS}
+    agents = {agent: kept_episodes(agent) for agent in AGENTS}
     for folder in args.runs:
-        for agent, played in episodes(folder).items():
+        for agent, agent_records in episodes(folder).items():
             if agent in agents:
-                agents[agent] += played
-    agents = {agent: sorted(set(played)) for agent, played in agents.items() if played}
-    for agent, played in agents.items():
-        keep(agent, played)
-    counted = {agent: latest(played) for agent, played in agents.items()}
-    write_atomic(RESULTS / "suite.md", page(counted).encode())
-    print(totals(counted, all_tasks()))
+                agents[agent] += agent_records
+    agents = {
+        agent: sorted(set(agent_records))
+        for agent, agent_records in agents.items()
+        if agent_records
+    }
+    for agent, agent_records in agents.items():
+        keep(agent, agent_records)
+    records_by_agent = {agent: latest(agent_records) for agent, agent_records in agents.items()}
+    write_atomic(RESULTS / "suite.md", page(records_by_agent).encode())
+    print(totals(records_by_agent, all_tasks()))
 
 
 if __name__ == "__main__":

@@ -68,9 +68,9 @@ def clock() -> Iterator[dict[str, float]]:
         return call
 
     with contextlib.ExitStack() as stack:
-        for place, name, part in PARTS:
-            double = timed(getattr(place, name), part)
-            stack.enter_context(mock.patch.object(place, name, double))
+        for part_index, name, part in PARTS:
+            double = timed(getattr(part_index, name), part)
+            stack.enter_context(mock.patch.object(part_index, name, double))
         yield spent
 
 
@@ -118,9 +118,9 @@ def toy(steps: int) -> list[str]:
     trainer = make_trainer(job, ToyNetwork(), None)
     trainer.step()  # everything is loaded by it
     with clock() as spent:
-        whole = seconds(lambda: [trainer.step() for _ in range(steps)])
+        total_seconds = seconds(lambda: [trainer.step() for _ in range(steps)])
     count = steps * job.replication.batch * job.replication.rollouts
-    return row("toy, with gradients", 1, count, whole, spent)
+    return row("toy, with gradients", 1, count, total_seconds, spent)
 
 
 def desktops(sessions: int, rounds: int, steps: int) -> list[str]:
@@ -147,15 +147,15 @@ def desktops(sessions: int, rounds: int, steps: int) -> list[str]:
                 )
                 for slot in range(sessions)
             ]
-            played = play(envs, Pointing(), requests, max_steps=steps, threads=sessions)
-            for rollout in played:
+            rollouts = play(envs, Pointing(), requests, max_steps=steps, threads=sessions)
+            for rollout in rollouts:
                 if rollout.status != "ok":
                     print(f"{rollout.request.draw.label}: {rollout.problem}")
 
         one(0)
         with clock() as spent:
-            whole = seconds(lambda: [one(step) for step in range(1, rounds + 1)])
-    return row("real desktop, 10 steps", sessions, rounds * sessions, whole, spent)
+            total_seconds = seconds(lambda: [one(step) for step in range(1, rounds + 1)])
+    return row("real desktop, 10 steps", sessions, rounds * sessions, total_seconds, spent)
 
 
 def row(

@@ -188,7 +188,7 @@ def measure(run: Path, browser: Browser) -> dict[str, list[float]]:
             browser.open(url, 1440, 900)
             browser.until(LISTED)
             page = time.perf_counter() - start
-            used = cpu_seconds(process)
+            processor_seconds = cpu_seconds(process)
             rows = browser.js("document.querySelectorAll('#list li').length")
             assert rows < 100, f"{rows} rows stand in the page: the list is not windowed"
             label = LABELS[1 + turn]
@@ -206,7 +206,7 @@ def measure(run: Path, browser: Browser) -> dict[str, list[float]]:
             "hijack view: address printed": started,
             "page: list drawn": page,
             "together: opening": started + page,
-            "processor time of hijack view for that": used,
+            "processor time of hijack view for that": processor_seconds,
             "filter and search": search,
             "episode, with its picture": result,
             "next step, with its picture": step,
@@ -252,10 +252,15 @@ def main() -> None:
                 print(f"{size} episodes, journal of {megabytes:.1f} MB", file=sys.stderr)
     print(f"{machine()}\n")
     rows = [[item, *(spread(results[size][item], 2) for size in SIZES)] for item in results[3690]]
-    used = {n: min(value["processor time of hijack view for that"]) for n, value in results.items()}
+    processor_seconds = {
+        n: min(value["processor time of hijack view for that"]) for n, value in results.items()
+    }
     parsing = {n: min(value["limit: JSON"]) for n, value in results.items()}
     rows.append(
-        ["processor time, to that of JSON", *(f"{used[n] / parsing[n]:.2f}x" for n in SIZES)]
+        [
+            "processor time, to that of JSON",
+            *(f"{processor_seconds[n] / parsing[n]:.2f}x" for n in SIZES),
+        ]
     )
     print(
         table(["seconds, min / median / max of 5", *(f"{size:,} episodes" for size in SIZES)], rows)

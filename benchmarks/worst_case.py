@@ -25,8 +25,8 @@ def main() -> None:
     rows: list[list[str]] = []
     for folder in map(Path, sys.argv[1:]):
         worst = json.loads((folder / "worst.json").read_bytes())
-        tried = json.loads((folder / "trials.json").read_bytes())
-        agent = f"{Path(worst['agent']).name}, {len(tried)} tried"
+        trials = json.loads((folder / "trials.json").read_bytes())
+        agent = f"{Path(worst['agent']).name}, {len(trials)} tried"
         rows += [[agent, *row(plan)] for plan in worst["plans"]]
     print(f"{machine()}\n\n{table(HEADER, rows)}")
     print("\nPoints of score lost, with the number of cases in brackets.")
@@ -37,20 +37,20 @@ def row(plan: Any) -> list[str]:
     ((name, settings),) = plan["corruption"].items()
     parts = settings["parts"] if name == "sequence" else [{name: settings}]
     named = [pair for part in parts for pair in part.items()]
-    found, confirmed = (100 * plan[key]["loss"] for key in ("found", "confirmed"))
+    first_loss, confirmed = (100 * plan[key]["loss"] for key in ("found", "confirmed"))
     return [
         "; ".join(short(*pair) for pair in named),
-        f"{found:.0f} ({plan['found']['n']})",
+        f"{first_loss:.0f} ({plan['found']['n']})",
         f"{confirmed:.0f} ({plan['confirmed']['n']})",
-        f"{found - confirmed:.0f}",
+        f"{first_loss - confirmed:.0f}",
     ]
 
 
 def short(name: str, values: dict[str, Any]) -> str:
     """Return a corruption with the settings that are not its defaults."""
     default = make_corruption(name).params()
-    other = [f"{key} {values[key]}" for key in default if values[key] != default[key]]
-    return f"{name} ({', '.join(other)})" if other else name
+    changes = [f"{key} {values[key]}" for key in default if values[key] != default[key]]
+    return f"{name} ({', '.join(changes)})" if changes else name
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ of boxes, never on the size of the screen.
 """
 
 from bisect import bisect_left, bisect_right
+from collections.abc import Sequence
 from itertools import groupby
 from operator import itemgetter
 from typing import TypeAlias, cast
@@ -25,7 +26,6 @@ _lower_edge: "itemgetter[int]" = itemgetter(1)
 
 _EMPTY: Box = (0, 0, 0, 0)
 _MAX_BATCH = 256  # attempts checked at once, which bounds memory
-_MAX_CELLS = 2**18  # cells of one strip x box table, which bounds memory and keeps it in the cache
 
 
 def largest_free_rectangle(size: Size, boxes: BoxArray) -> Box:
@@ -128,32 +128,28 @@ def intersection_area(box: Box, boxes: BoxArray) -> Int64Array:
     return np.maximum(sides, 0).prod(axis=1)
 
 
+def intersection(first: Sequence[int], second: Sequence[int]) -> Box:
+    """Return what two overlapping boxes share."""
+    return (
+        max(first[0], second[0]),
+        max(first[1], second[1]),
+        min(first[2], second[2]),
+        min(first[3], second[3]),
+    )
+
+
+def holds_middle(box: Sequence[int], other: Sequence[int] | None) -> bool:
+    """Return whether `box` holds the middle pixel of another box; not if there is no other."""
+    if other is None:
+        return False
+    x = (other[0] + other[2]) // 2
+    y = (other[1] + other[3]) // 2
+    return box[0] <= x < box[2] and box[1] <= y < box[3]
+
+
 def free(box: Box, boxes: BoxArray) -> bool:
     """Return whether `box` shares no pixel with any of `boxes` (`[N, 4]`)."""
     return not intersection_area(box, boxes).any()
-
-
-def union_area(boxes: BoxArray) -> int:
-    """Return how many pixels `boxes` (`[N, 4]`) cover together, each pixel counted once.
-
-    Between two neighbouring y edges the covered length is the same in every row, so it is computed
-    once for that strip: in the order of their left edges, each box there adds its part to the right
-    of all boxes before it.
-    """
-    ordered = boxes[np.argsort(boxes[:, 0], kind="stable")].astype(np.int64)
-    x1, y1, x2, y2 = ordered.T
-    lowest = int(x1.min(initial=0))
-    edges = np.unique(ordered[:, 1::2])
-    total = 0
-    step = max(1, _MAX_CELLS // max(1, len(boxes)))
-    for start in range(0, len(edges) - 1, step):
-        tops = edges[start : start + step + 1]
-        inside = (y1 <= tops[:-1, None]) & (y2 > tops[:-1, None])
-        reach = cast("Int64Array", np.maximum.accumulate(np.where(inside, x2, lowest), axis=1))
-        before = np.concatenate([np.full_like(reach[:, :1], lowest), reach[:, :-1]], axis=1)
-        widths = np.where(inside, x2 - np.maximum(x1, before), 0)
-        total += int(np.maximum(widths, 0).sum(axis=1) @ np.diff(tops))
-    return total
 
 
 def place_disjoint(

@@ -126,8 +126,8 @@ def _transparency_note(image: Image.Image) -> str:
     return ", transparency dropped" if transparent else ""
 
 
-def encode_png(image: UInt8Array, level: int = 6) -> bytes:
-    """Return uint8 RGB `[H, W, 3]` as PNG bytes, compressed at zlib's `level` 0 to 9."""
+def encode_png(image: UInt8Array) -> bytes:
+    """Return uint8 RGB `[H, W, 3]` as PNG bytes."""
     buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "PNG", compress_level=level)
+    Image.fromarray(image).save(buffer, "PNG")
     return buffer.getvalue()

@@ -15,6 +15,7 @@ import numpy.typing as npt
 from .backends import find_backend, to_numpy
 from .drawing.sprite import Sprite
 from .errors import ParameterError, ParameterTypeError, short_repr
+from .geometry import intersection
 from .kernels import lower
 from .kernels.cpu import compare
 from .plan import Paste, Plan, Resample
@@ -122,27 +123,18 @@ class _Painted:
         """Return how many pixels of a box are painted over by stamps that all overlap it."""
         left, top, right, bottom = box
         if len(over) == 1 and self.sprites[over[0]].opaque:
-            x1, y1, x2, y2 = _common(self.boxes[over[0]].tolist(), box)
+            x1, y1, x2, y2 = intersection(self.boxes[over[0]].tolist(), box)
             return (x2 - x1) * (y2 - y1)
         mask = np.zeros((bottom - top, right - left), bool)
         for k in over:
             stamp = self.boxes[k].tolist()
-            x1, y1, x2, y2 = _common(stamp, box)
+            x1, y1, x2, y2 = intersection(stamp, box)
             opaque = _opaque(self.sprites[k])
             x = stamp[0]
             y = stamp[1]
             part = opaque[y1 - y : y2 - y, x1 - x : x2 - x]
             mask[y1 - top : y2 - top, x1 - left : x2 - left] |= part
         return int(np.count_nonzero(mask))
-
-
-def _common(first: list[int], second: list[int]) -> Box:
-    """Return the intersection of two overlapping boxes."""
-    left = max(first[0], second[0])
-    top = max(first[1], second[1])
-    right = min(first[2], second[2])
-    bottom = min(first[3], second[3])
-    return left, top, right, bottom
 
 
 def _painted(plan: Plan) -> _Painted | None:

@@ -221,7 +221,7 @@ def swapped(value: Any, new: Mapping[int, Any]) -> Any:
     if isinstance(value, list | tuple):
         parts = [swapped(part, new) for part in cast("list[Any]", value)]
         return rebuilt(value, parts)
-    if _is_object_array(value):
+    if is_object_array(value):
         out = value.copy()
         for index, part in np.ndenumerate(value):
             out[index] = swapped(part, new)
@@ -251,14 +251,15 @@ def _arrays(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
         for index, part in enumerate(cast("list[Any]", value)):
             if type(part) not in _SCALARS:
                 yield from _arrays(part, (*path, index))
-    elif _is_object_array(value):
+    elif is_object_array(value):
         for index, part in enumerate(value.flat):
             yield from _arrays(part, (*path, index))
     elif isinstance(value, Image.Image | bytes) or is_array(value):
         yield path, value
 
 
-def _is_object_array(value: Any) -> bool:
+def is_object_array(value: Any) -> bool:
+    """Return whether a value is a NumPy array of objects, as of lists of different lengths."""
     return isinstance(value, np.ndarray) and cast(Any, value).dtype == object
 
 

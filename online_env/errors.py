@@ -43,7 +43,7 @@ class GuestError(DesktopError):
 
 
 class AgentSetupError(HijackError, RuntimeError):
-    """An agent of a file cannot be used as it is: its key, its prices or its log are missing."""
+    """An agent cannot be made, or cannot be used as it is: its key, prices or log are missing."""
 
 
 class EndpointError(HijackError, RuntimeError):

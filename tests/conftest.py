@@ -56,8 +56,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     """Do not even import files of which no test runs: some load several frameworks."""
     if config.option.markexpr == "not slow" and is_slow(collection_path):
         return True
-    place = collection_path.relative_to(ROOT / "tests").as_posix()
-    return parts.is_ignored(place, config.option.part) or None
+    relative_path = collection_path.relative_to(ROOT / "tests").as_posix()
+    return parts.is_ignored(relative_path, config.option.part) or None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -84,8 +84,8 @@ def pytest_terminal_summary(
 @cache
 def is_slow(path: Path) -> bool:
     """Whether this is one of the slow files, or needs a desktop."""
-    place = path.relative_to(ROOT / "tests")
-    return place.as_posix() in SLOW or place.parts[:1] == ("live",)
+    relative_path = path.relative_to(ROOT / "tests")
+    return relative_path.as_posix() in SLOW or relative_path.parts[:1] == ("live",)
 
 
 @pytest.fixture(autouse=True)

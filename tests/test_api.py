@@ -51,8 +51,8 @@ def test_augmentation_arguments_are_those_of_the_design():
 
 def test_all_names_exist_and_are_documented():
     for name in hj.__all__:
-        thing = getattr(hj, name)
-        assert inspect.getdoc(thing), f"{name} has no docstring"
+        value = getattr(hj, name)
+        assert inspect.getdoc(value), f"{name} has no docstring"
 
 
 @pytest.mark.parametrize("package", [hj, pipelines])
@@ -170,9 +170,9 @@ def test_no_public_name_hides_a_module_of_the_standard_library():
 def test_authors_of_plug_ins_have_what_users_have():
     """A name means the same at the top and in `hijack_data.plugin`, and all are documented."""
     for name in hj.plugin.__all__:
-        thing = getattr(hj.plugin, name)
-        assert inspect.getdoc(thing), f"{name} has no docstring"
-        assert name not in hj.__all__ or getattr(hj, name) is thing
+        value = getattr(hj.plugin, name)
+        assert inspect.getdoc(value), f"{name} has no docstring"
+        assert name not in hj.__all__ or getattr(hj, name) is value
     assert set(hj.plugin.__all__) - set(hj.__all__) == hj._FOR_AUTHORS
 
 

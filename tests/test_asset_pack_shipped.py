@@ -60,8 +60,8 @@ def test_a_picture_is_what_the_index_says_and_shows_something(entry):
     assert entry["kind"] in picture_kinds()
     assert entry["made_by"]
     assert "\n" not in entry["made_by"]
-    every = 3 if max(pixels.shape) < 3000 else 30  # wallpapers are large
-    colours = pixels[::every, ::every, :3] @ np.array([65536, 256, 1], np.uint32)
+    stride = 3 if max(pixels.shape) < 3000 else 30  # wallpapers are large
+    colours = pixels[::stride, ::stride, :3] @ np.array([65536, 256, 1], np.uint32)
     assert len(np.unique(colours)) >= 8
     is_opaque_but_for_its_corners(entry, pixels)
 

@@ -90,9 +90,9 @@ def test_pictures_are_made(installed, screen, tmp_path):
 
 def test_datasets_are_built(installed, tmp_path):
     source = ROOT / "examples" / "recordings"
-    for number, chosen in enumerate(("marks", "marks,whole", "all-visual")):
+    for number, names in enumerate(("marks", "marks,whole", "all-visual")):
         out = tmp_path / str(number)
-        words = ("build", source, "--out", out, "--limit", 1, "--corruptions", chosen, "--json")
+        words = ("build", source, "--out", out, "--limit", 1, "--corruptions", names, "--json")
         report = json.loads(hijack(installed, *words).stdout)
         assert ("whole" in report["rows_by_corruption"]) == (number > 0)
     hijack(installed, "verify", out)

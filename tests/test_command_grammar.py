@@ -80,10 +80,14 @@ finally:
 
 @pytest.mark.parametrize("words", [["--help"], ["--version"], []])
 def test_what_needs_no_command_imports_none(words: list[str]):
-    place = os.environ | ({} if words else {"_HIJACK_COMPLETE": "bash_complete"})
-    place |= {} if words else {"COMP_WORDS": "hijack s", "COMP_CWORD": "1"}
+    environment = os.environ | ({} if words else {"_HIJACK_COMPLETE": "bash_complete"})
+    environment |= {} if words else {"COMP_WORDS": "hijack s", "COMP_CWORD": "1"}
     process = subprocess.run(
-        [sys.executable, "-c", SPY, *words], capture_output=True, text=True, env=place, check=False
+        [sys.executable, "-c", SPY, *words],
+        capture_output=True,
+        text=True,
+        env=environment,
+        check=False,
     )
     assert process.stderr.splitlines()[-1] == "[]", process.stderr
     if words == ["--help"]:

@@ -152,8 +152,8 @@ def test_configurations_are_valid(block, tmp_path):
         jobs = yaml.safe_load(block.text)["jobs"].values()
         steps = [step for job in jobs for step in job["steps"] if "OWNER/" in step.get("uses", "")]
         for step in steps:
-            place = step["uses"].partition("/agenthijack/")[2].partition("@")[0]
-            action = yaml.safe_load((ROOT / place / "action.yml").read_text())
+            action_path = step["uses"].partition("/agenthijack/")[2].partition("@")[0]
+            action = yaml.safe_load((ROOT / action_path / "action.yml").read_text())
             assert set(step["with"]) <= set(action["inputs"])
         assert steps
     else:

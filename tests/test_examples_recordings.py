@@ -144,10 +144,10 @@ def test_every_action_shows_on_the_next_screenshot(pictures: dict[str, np.ndarra
     desk = (slice(0, HEIGHT - 48), slice(0, WIDTH))
     for row, following in itertools.pairwise(ROWS):
         if row["trajectory_id"] == following["trajectory_id"]:
-            changed = (
+            changed_mask = (
                 (pictures[row["id"]][desk] != pictures[following["id"]][desk]).any(axis=2).sum()
             )
-            assert changed > 50, row["id"]
+            assert changed_mask > 50, row["id"]
 
 
 def test_readme_says_how_it_was_made():

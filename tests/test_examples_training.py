@@ -99,9 +99,9 @@ def test_transformers_gives_the_same_patches(vlm):
     )
     processor = vlm.Processor()
     image = np.asarray(Image.open(vlm.samples()[0]["path"]).convert("RGB"))
-    theirs = processor(image)[0]
+    processed = processor(image)[0]
     processor.theirs = None
-    assert np.abs(theirs - processor(image)[0]).max() < 0.03
+    assert np.abs(processed - processor(image)[0]).max() < 0.03
 
 
 def sample(vlm, n, plan=None):

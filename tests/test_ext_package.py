@@ -88,8 +88,8 @@ def recording(tmp_path_factory):
 def dataset(installed, recording, tmp_path_factory):
     """Built with the reader, the engine, both corruptions and the edit of the package."""
     out = tmp_path_factory.mktemp("dataset") / "out"
-    chosen = ("--corruptions", "quiet_hours,dead_pixels", "--engine", "backwards", "--json")
-    report = json.loads(hijack(installed, "build", recording, "--out", out, *chosen))
+    options = ("--corruptions", "quiet_hours,dead_pixels", "--engine", "backwards", "--json")
+    report = json.loads(hijack(installed, "build", recording, "--out", out, *options))
     assert report["rows_by_corruption"] == {"clean": 2, "quiet_hours": 1, "dead_pixels": 2}
     return out
 
@@ -150,8 +150,8 @@ def test_its_corruption_of_the_machine_is_in_the_dataset(installed, dataset):
 
 def test_the_onlooker_has_its_reminder(installed, dataset, tmp_path):
     hijack(installed, "export", dataset, "--to", "onlooker", "--out", tmp_path / "out")
-    written = b"".join(path.read_bytes() for path in (tmp_path / "out").rglob("*.parquet"))
-    assert written
+    episode_path = b"".join(path.read_bytes() for path in (tmp_path / "out").rglob("*.parquet"))
+    assert episode_path
     report = json.loads((tmp_path / "out" / "export.json").read_text())
     assert report["reminders"] == {"quiet_hours": 1}
 

@@ -97,8 +97,6 @@ CORE_ALONE = {
     "stats {data}": "hf",
     "view {data}": "hf",
     f"apply {SCREEN} accidental_touch -o {{out}}/m.png": "vision",
-    f"apply {SCREEN} marks -o {{out}}/m.png --backend torch": "torch",
-    f"apply {SCREEN} marks -o {{out}}/m.png --backend jax": "jax",
     f"gallery {SCREEN} -o {{out}}/g.html --detect ocr": "ocr",
     "demo --no-desktop --out {out}/demo": SAYS_AND_GOES_ON,
     "bench embedded_small --dry-run": "online",
@@ -219,8 +217,8 @@ def test_a_command_with_the_core_alone(words: str, core_alone: Results) -> None:
 
 
 def test_every_command_is_tried() -> None:
-    tried = {words.split()[0] for words in COMMANDS_WITHOUT_ONLINE}
-    assert set(COMMANDS) <= tried
+    commands = {words.split()[0] for words in COMMANDS_WITHOUT_ONLINE}
+    assert set(COMMANDS) <= commands
 
 
 def test_the_extras_are_those_of_the_project() -> None:
@@ -270,12 +268,12 @@ def test_without_an_installed_package_there_are_no_extras(monkeypatch: pytest.Mo
 
 
 def test_doctor_has_a_row_for_every_extra_and_one_for_the_desktop() -> None:
-    declared = set(extras.extras()) - {"all"}
-    assert {row[1] for row in doctor_rows.extra_rows()} == declared == set(doctor_rows.PURPOSES)
+    extra_names = set(extras.extras()) - {"all"}
+    assert {row[1] for row in doctor_rows.extra_rows()} == extra_names == set(doctor_rows.PURPOSES)
     command = [sys.executable, "-m", "hijack_data.cli", "doctor", "--json"]
     process = subprocess.run(command, capture_output=True, text=True, check=True)
     rows = {row["what"]: row for row in json.loads(process.stdout)["found"]}
-    assert declared | {"core", "desktop"} <= set(rows)
+    assert extra_names | {"core", "desktop"} <= set(rows)
     assert rows["core"]["ok"] is True
     assert rows["core"]["found"].startswith("Python 3.")
 

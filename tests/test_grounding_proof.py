@@ -196,7 +196,7 @@ def test_a_missing_browser_is_named(grounding, monkeypatch, tmp_path):
 def test_the_order_is_the_seeds_alone(grounding, toys):
     def names(seed):
         turns = itertools.islice(grounding.data.order(toys, 5, seed), 9)
-        return [(epoch, [page.name for page in some]) for epoch, some in turns]
+        return [(epoch, [page.name for page in page_batch]) for epoch, page_batch in turns]
 
     assert names(3) == names(3)
     assert names(3) != names(4)
@@ -235,9 +235,9 @@ def test_a_batch_is_corrupted_by_id_seed_and_epoch(grounding):
 def test_what_is_hidden_is_not_asked_for(grounding):
     """The subtitle stands at the bottom: a control below its letters goes, one elsewhere stays."""
     plan = hj.Subtitle().plan(hj.Scene(size=(800, 1280)), seed=1)
-    changed = (hj.apply(plan, np.full((800, 1280, 3), 200, np.uint8)) != 200).any(-1)
+    changed_mask = (hj.apply(plan, np.full((800, 1280, 3), 200, np.uint8)) != 200).any(-1)
     size = 8
-    blocks = changed.reshape(800 // size, size, 1280 // size, size).mean((1, 3))
+    blocks = changed_mask.reshape(800 // size, size, 1280 // size, size).mean((1, 3))
     y, x = np.argwhere(blocks == 1)[0] * size
     page = screen(grounding, [(10, 10, 60, 40), (int(x), int(y), int(x) + size, int(y) + size)])
     assert grounding.data.corrupted(page, None).labels == ["label 0", "label 1"]
@@ -295,11 +295,11 @@ def test_scores_belong_to_their_label_and_picture(grounding):
     net = grounding.model.Grounder().eval()
     assert 200_000 < sum(p.numel() for p in net.parameters()) < 500_000
     pictures = torch.randint(0, 256, (2, 3, 64, 96), dtype=torch.uint8)
-    both = net(pictures, ["one", "two", "one"], torch.tensor([0, 0, 1]))
-    assert both.shape == (3, 8, 12)
-    assert torch.allclose(both[2], net(pictures[1:], ["one"], torch.tensor([0]))[0], atol=1e-4)
-    assert not torch.allclose(both[0], both[1], atol=1e-3)
-    assert not torch.allclose(both[0], both[2], atol=1e-3)
+    outputs = net(pictures, ["one", "two", "one"], torch.tensor([0, 0, 1]))
+    assert outputs.shape == (3, 8, 12)
+    assert torch.allclose(outputs[2], net(pictures[1:], ["one"], torch.tensor([0]))[0], atol=1e-4)
+    assert not torch.allclose(outputs[0], outputs[1], atol=1e-3)
+    assert not torch.allclose(outputs[0], outputs[2], atol=1e-3)
     assert net(pictures, [], torch.zeros(0, dtype=torch.int64)).shape == (0, 8, 12)
 
 
@@ -374,11 +374,11 @@ def test_runs_are_kept_and_told_apart(grounding, toys, tmp_path, monkeypatch, ca
     nothing."""
     (tmp_path / "pages.json").write_text(json.dumps({"made_by": "toys"}))
     big = [dataclasses.replace(p, image=np.tile(p.image, (5, 5, 1))[:600, :960]) for p in toys[:3]]
-    some = [
+    page_batch = [
         dataclasses.replace(p, split=split)
         for p, split in zip(big, ("train", "new", "site"), strict=True)
     ]
-    monkeypatch.setattr(grounding.pages, "load", lambda folder: some)
+    monkeypatch.setattr(grounding.pages, "load", lambda folder: page_batch)
     settings = grounding.train.Settings(steps=2, batch=1)
     runs = grounding.runs.all_runs(["subtitle"], 2)
     results = grounding.runs.perform(tmp_path, runs, settings, jobs=1)
@@ -395,7 +395,7 @@ def test_runs_are_kept_and_told_apart(grounding, toys, tmp_path, monkeypatch, ca
     assert grounding.runs.fingerprint(tmp_path, second) != grounding.runs.fingerprint(
         tmp_path, settings
     )
-    report = importlib.import_module("proof").report(results, ["subtitle"], settings, some)
+    report = importlib.import_module("proof").report(results, ["subtitle"], settings, page_batch)
     assert "**subtitle is never trained with**" in report[2]
     assert report[2].count("\n| ") == 2 + 10, (
         "five conditions on two kinds of pages, below a heading"

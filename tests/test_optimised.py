@@ -156,8 +156,8 @@ def test_a_dataset_is_built_and_verified(flag, tmp_path):
     pytest.importorskip("isal")
     words = ["-m", "hijack_data.cli", "build", "examples/recordings", "--out", tmp_path / "d"]
     words += ["--limit", 1, "--corruptions", "accidental_touch,multi_apps", "--json"]
-    built = json.loads(python([flag], *words))
-    assert built["rows_by_corruption"]["clean"] == 8
+    result = json.loads(python([flag], *words))
+    assert result["rows_by_corruption"]["clean"] == 8
     python([flag], "-m", "hijack_data.cli", "verify", tmp_path / "d")
 
 
@@ -177,4 +177,6 @@ def asserted(file: str) -> list[str]:
 
 def test_the_library_checks_nothing_by_assertion():
     assert len(LIBRARY) > 200
-    assert [place for file in LIBRARY if file not in CHECKING for place in asserted(file)] == []
+    assert [
+        location for file in LIBRARY if file not in CHECKING for location in asserted(file)
+    ] == []

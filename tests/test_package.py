@@ -28,7 +28,7 @@ def tracked(*folders: str) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def built_wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with both."""
     pytest.importorskip("hatchling", reason="needs the extra [dev]; make env")
     folder = tmp_path_factory.mktemp("dist")
@@ -42,22 +42,22 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def wheel(built: Path) -> zipfile.ZipFile:
-    (path,) = built.glob("*.whl")
+def wheel(built_wheel: Path) -> zipfile.ZipFile:
+    (path,) = built_wheel.glob("*.whl")
     return zipfile.ZipFile(path)
 
 
 def test_the_wheel_holds_every_file_of_the_packages_and_no_other(wheel: zipfile.ZipFile):
     expected = set(tracked(*PACKAGES))
-    for folder, place in MOVED.items():
-        expected |= {place + name.removeprefix(folder) for name in tracked(folder)}
+    for folder, destination in MOVED.items():
+        expected |= {destination + name.removeprefix(folder) for name in tracked(folder)}
     names = {name for name in wheel.namelist() if ".dist-info/" not in name}
     assert names == expected
     assert {f"{package}/py.typed" for package in PACKAGES} <= names
 
 
-def test_the_sdist_holds_what_the_wheel_is_made_of(built: Path):
-    (path,) = built.glob("*.tar.gz")
+def test_the_sdist_holds_what_the_wheel_is_made_of(built_wheel: Path):
+    (path,) = built_wheel.glob("*.tar.gz")
     with tarfile.open(path) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert set(tracked(*PACKAGES, *MOVED)) <= names
@@ -106,6 +106,6 @@ def test_a_workflow_calls_what_ci_calls(name: str):
     assert ours
     targets = re.findall(r"^([a-z]+):", (ROOT / "Makefile").read_text(), re.M)
     for line in ours:
-        program, _, rest = line.partition(" ")
-        assert program != "make" or rest in targets, line
+        program, _, arguments = line.partition(" ")
+        assert program != "make" or arguments in targets, line
         assert program == "make" or (ROOT / program).is_file(), line

@@ -79,18 +79,18 @@ def solved_by_case(name: str) -> dict[tuple[str, str], bool]:
 
 def test_the_counts_in_the_text_of_all_tasks_are_those_of_the_records():
     solved = solved_by_case("all_tasks")
-    played = {name: tasks.get(name) for name, _ in solved}
-    begins = {name: task.plan()[1].split()[0] for name, task in played.items()}
+    played_tasks = {name: tasks.get(name) for name, _ in solved}
+    begins = {name: task.plan()[1].split()[0] for name, task in played_tasks.items()}
     clicks = [name for name, verb in begins.items() if "click" in verb]
     keys = [name for name, verb in begins.items() if verb == "press"]
-    online = [name for name, task in played.items() if "network_error" in task.unsolvable]
-    impossible = [name for name, task in played.items() if task.infeasible]
+    online = [name for name, task in played_tasks.items() if "network_error" in task.unsolvable]
+    impossible = [name for name, task in played_tasks.items() if task.infeasible]
 
     def under(corruption: str, names: list[str]) -> int:
         return sum(solved[name, corruption] for name in names)
 
-    offline = [name for name in played if name not in online]
-    feasible = [name for name in played if name not in impossible]
+    offline = [name for name in played_tasks if name not in online]
+    feasible = [name for name in played_tasks if name not in impossible]
     reference = solved_by_case("reference_agents")
     again = [case for case in reference if case in solved]
     alike = sum(reference[case] == solved[case] for case in again)

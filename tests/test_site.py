@@ -102,11 +102,11 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
         pytest.importorskip(module, reason=f"needs the extra [{extra}]; make env")
     folder = tmp_path_factory.mktemp("site")
     (folder / "examples").symlink_to(ROOT / "examples")
-    every = list(corruption_pages.blocks())
-    drawn = {name for name, title, _ in every if title == "NumPy"}
+    all_blocks = list(corruption_pages.blocks())
+    charted_names = {name for name, title, _ in all_blocks if title == "NumPy"}
     # One of the corruptions of the machine stands for all: their code differs in the name alone.
-    values = {*drawn, "verification"}
-    blocks = {f"{name}, {title}": code for name, title, code in every if name in values}
+    values = {*charted_names, "verification"}
+    blocks = {f"{name}, {title}": code for name, title, code in all_blocks if name in values}
     order = {"names": sorted(documented()), "blocks": blocks}
     (folder / "order.json").write_text(json.dumps(order))
     (folder / "run.py").write_text(RUNNER)
@@ -225,15 +225,13 @@ def test_every_page_has_its_place(tmp_path: Path):
 
 def test_bars_of_negative_values_end_at_zero_and_colours_have_a_legend():
     bars = [charts.Bar("gain", 3.0, "+3", strong=True), charts.Bar("loss", -1.0, "-1")]
-    drawn = charts.chart("x", bars, legend=charts.Legend("gain", "loss"))
-    assert re.findall(r"margin-left:(.*?)%;width:(.*?)%", drawn) == [
+    svg = charts.chart("x", bars, legend=charts.Legend("gain", "loss"))
+    assert re.findall(r"margin-left:(.*?)%;width:(.*?)%", svg) == [
         ("25.0", "75.0"),
         ("0.0", "25.0"),
     ]
-    assert drawn.count('style="--zero:25.0%"') == 2
-    assert (
-        '<span class="key strong"><i></i>gain</span><span class="key"><i></i>loss</span>' in drawn
-    )
+    assert svg.count('style="--zero:25.0%"') == 2
+    assert '<span class="key strong"><i></i>gain</span><span class="key"><i></i>loss</span>' in svg
     with pytest.raises(ValueError, match="two colours and no legend"):
         charts.chart("x", bars)
 
@@ -248,22 +246,22 @@ def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
     assert results.files(tmp_path) == {}
     value = whole("good", dict.fromkeys(CONDITIONS, 9)) + whole("bad", dict.fromkeys(CONDITIONS, 2))
     report = build_report(reading.read(run_of(tmp_path / "run", value)))
-    place = tmp_path / "results" / "two_agents"
-    place.mkdir(parents=True)
-    (place / "report.json").write_text(json.dumps(report.to_data()))
+    path = tmp_path / "results" / "two_agents"
+    path.mkdir(parents=True)
+    (path / "report.json").write_text(json.dumps(report.to_data()))
     about = (
         "Made for a test.\n\n```sh no-run\nls\n```\n\n![p](p.svg) [q](../q.md#r) [h](https://h/)\n"
     )
-    (place / "about.md").write_text(about)
-    pages = results.pages(place.parent)
+    (path / "about.md").write_text(about)
+    pages = results.pages(path.parent)
     assert "[Two agents](two_agents.md) | 200 live episodes" in pages["results/index.md"]
     result = pages["results/two_agents.md"]
     assert "Made for a test.\n\n```sh\nls\n```\n" in result
     assert "![p](two_agents/p.svg) [q](q.md#r) [h](https://h/)" in result
     assert result.count('<figure class="chart">') == 2
     assert "| `good` | 90.0 % | 100.0 % |" in result
-    (place / "about.md").write_text("# Two agents without a model\n\n" + about)
-    pages = results.pages(place.parent)
+    (path / "about.md").write_text("# Two agents without a model\n\n" + about)
+    pages = results.pages(path.parent)
     assert "[Two agents without a model](two_agents.md) |" in pages["results/index.md"]
     assert pages["results/two_agents.md"].count("\n# ") == 0
     assert pages["results/two_agents.md"].startswith("# Two agents without a model\n\nMade for a")
@@ -271,7 +269,7 @@ def test_a_report_is_all_that_a_result_needs(tmp_path: Path):
     text = "instruction and pictures"
     assert f"| 1 of 2 | `good` | {text} | small | 90.0 % | 90.0 % | 100.0 % |\n" in board
     assert f"| 2 of 2 | `bad` | {text} | small | 20.0 % |" in board
-    files = results.files(place.parent)
+    files = results.files(path.parent)
     assert set(files) == {"results/two_agents/report.html", "results/board.html"}
     assert "good" in files["results/board.html"]
 

@@ -23,13 +23,13 @@ def test_the_stub_is_what_make_stubs_writes():
 def test_a_transform_shows_the_parameters_of_its_corruption(name):
     cls = getattr(tr, name)
     arguments = inspect.signature(cls).parameters
-    declared = parameters(cls.spec)
+    parameter_names = parameters(cls.spec)
     shared = [key for key in inspect.signature(tr.Corrupt).parameters if key != "planner"]
-    assert list(arguments) == ["severity", *declared, *shared]
+    assert list(arguments) == ["severity", *parameter_names, *shared]
     planner = cls(id_from="content").settings.planner
     for key, argument in arguments.items():
         assert f"\n    {key}: " in cls.__doc__
-        if key in declared:  # the default that is shown is the one that is used
+        if key in parameter_names:  # the default that is shown is the one that is used
             assert argument.default == getattr(planner, key)
 
 

@@ -35,8 +35,8 @@ def parsed(path: Path) -> ast.Module:
 
 def test_the_formatter_is_never_switched_off():
     marks = ("# fmt: " + "skip", "# fmt: " + "off")
-    every = files(*PACKAGES, "tests", "benchmarks", "examples")
-    assert [str(path) for path in every if any(mark in path.read_text() for mark in marks)] == []
+    paths = files(*PACKAGES, "tests", "benchmarks", "examples")
+    assert [str(path) for path in paths if any(mark in path.read_text() for mark in marks)] == []
 
 
 def meanings(path: Path) -> Iterator[tuple[str, str]]:

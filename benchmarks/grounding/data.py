@@ -59,8 +59,8 @@ def order(pages: Sequence[Page], size: int, seed: int) -> Iterator[tuple[int, li
         rng = np.random.default_rng((seed, epoch))
         turn = rng.permutation(len(pages)).tolist()
         for start in range(0, len(turn) - size + 1, size):
-            chosen = turn[start : start + size]
-            yield epoch, [pages[index] for index in chosen]
+            batch = turn[start : start + size]
+            yield epoch, [pages[index] for index in batch]
 
 
 def batch_of(

@@ -66,21 +66,21 @@ def perform(
     A result is `seconds`, `loss` (mean of the last 20 steps) and, for each split, each condition's
     `train.evaluate`, as lists.
     """
-    place = folder / "results" / fingerprint(folder, settings)
-    place.mkdir(parents=True, exist_ok=True)
-    missing = [run for run in runs if not _file(place, run).exists()]
+    path = folder / "results" / fingerprint(folder, settings)
+    path.mkdir(parents=True, exist_ok=True)
+    missing = [run for run in runs if not _file(path, run).exists()]
     if missing:
         _shared[:] = pages.load(folder)
     if jobs == 1:
         for run in missing:
-            _perform(place, run, settings)
+            _perform(path, run, settings)
     elif missing:
         fork = multiprocessing.get_context("fork")
         with ProcessPoolExecutor(jobs, mp_context=fork) as pool:
-            started = [pool.submit(_perform, place, run, settings) for run in missing]
+            started = [pool.submit(_perform, path, run, settings) for run in missing]
             for item in started:
                 item.result()
-    return {run: json.loads(_file(place, run).read_text()) for run in runs}
+    return {run: json.loads(_file(path, run).read_text()) for run in runs}
 
 
 def _file(place: Path, run: Run) -> Path:
@@ -121,6 +121,6 @@ def counts(
     results: dict[Run, dict[str, Any]], held_out: str | None, split: str, condition: str
 ) -> np.ndarray:
     """Return asked and hit of one choice of corruptions by seed, int64 `[seeds, pages, 2]`."""
-    mine = [run for run in results if run.held_out == held_out]
-    mine.sort(key=lambda run: run.seed)
-    return np.array([results[run][split][condition] for run in mine], np.int64)
+    group_runs = [run for run in results if run.held_out == held_out]
+    group_runs.sort(key=lambda run: run.seed)
+    return np.array([results[run][split][condition] for run in group_runs], np.int64)

@@ -47,8 +47,8 @@ def accuracy(counts: np.ndarray, base: np.ndarray | None = None, draws: int = DR
 def _resampled(rng: np.random.Generator, count: int, draws: int) -> np.ndarray:
     """Return how often each of `count` things is in each sample, float64 `[draws, count]`."""
     chances = np.full(count, 1 / count)
-    drawn = rng.multinomial(count, chances, draws)
-    return drawn.astype(np.float64)
+    draw_counts = rng.multinomial(count, chances, draws)
+    return draw_counts.astype(np.float64)
 
 
 def _shares(
@@ -56,6 +56,6 @@ def _shares(
 ) -> tuple[float, np.ndarray]:
     """Return the share of hits, and that of each bootstrap sample, float64 `[draws]`."""
     path = "rs,spk,rp->rk"
-    drawn = np.einsum(path, seed_weights, counts, page_weights, optimize=True)
+    draw_means = np.einsum(path, seed_weights, counts, page_weights, optimize=True)
     requests, hit = counts.sum((0, 1))
-    return hit / requests, drawn[:, 1] / np.maximum(drawn[:, 0], 1)
+    return hit / requests, draw_means[:, 1] / np.maximum(draw_means[:, 0], 1)

@@ -50,8 +50,8 @@ def train(
     augment = data.augmentation(names)
     turns = data.order(pages, settings.batch, seed)
     losses: list[float] = []
-    for epoch, some in itertools.islice(turns, settings.steps):
-        batch = data.batch_of(some, augment, seed=seed, epoch=epoch)
+    for epoch, page_batch in itertools.islice(turns, settings.steps):
+        batch = data.batch_of(page_batch, augment, seed=seed, epoch=epoch)
         losses.append(step(net, batch, optimiser))
         schedule.step()
     return net.eval(), losses

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..choices import BACKENDS
 from .completion import complete
 from .options import BriefCommand, seed_option
 from .terminal import echo
@@ -19,9 +18,7 @@ if TYPE_CHECKING:
     from ..types import UInt8Array
 
 
-@click.command(
-    "apply", cls=BriefCommand, more=("backend", "plan_file", "save_plan", "step", "tree")
-)
+@click.command("apply", cls=BriefCommand, more=("plan_file", "save_plan", "step", "tree"))
 @click.argument("image")
 @click.argument(
     "name", required=False, shell_complete=complete("hijack_data.corruption:corruption_names")
@@ -56,13 +53,6 @@ if TYPE_CHECKING:
     "--severity", type=int, metavar="1-5", help="1 (mild) to 5 (harsh); 3 is the paper's default."
 )
 @click.option(
-    "--backend",
-    type=click.Choice(BACKENDS),
-    default="numpy",
-    show_default=True,
-    help="What draws; the bytes are the same.",
-)
-@click.option(
     "--tree", metavar="A11Y.xml", help="Accessibility tree with the interactive elements."
 )
 @click.option("--save-plan", metavar="PLAN.json", help="Write the plan as well.")
@@ -71,20 +61,13 @@ if TYPE_CHECKING:
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def apply_command(
-    image: str,
-    name: str | None,
-    out: str,
-    backend: str,
-    save_plan: str | None,
-    as_json: bool,
-    **options: Any,
+    image: str, name: str | None, out: str, save_plan: str | None, as_json: bool, **options: Any
 ) -> None:
     """Corrupt one picture, or all of a folder.
 
     Such as: hijack apply screen.png marks -o marked.png
     """
     from .._apply import apply
-    from ..backends import convert, to_numpy
     from ..file_io import write_atomic
     from ..picture_io import encode_png, load_image
     from .picture_folders import apply_to_folder
@@ -98,7 +81,7 @@ def apply_command(
         plan, plan_notes = make_plan(
             pixels, name, arguments.pop("plan_file"), arguments.pop("settings"), **arguments
         )
-        result = to_numpy(apply(plan, convert(pixels, backend)))
+        result = apply(plan, pixels)
         write_atomic(out, encode_png(result))
         return plan, result, (*notes, *plan_notes, *plan.notes)
 
@@ -110,7 +93,7 @@ def apply_command(
     plan, result, notes = corrupt(image, out, "0" if sample is None else sample)
     if save_plan is not None:
         write_atomic(save_plan, plan.to_json() + "\n")
-    _report(plan, result, notes, backend, out, as_json)
+    _report(plan, result, notes, out, as_json)
 
 
 def _check_output(out: str) -> None:
@@ -128,12 +111,7 @@ def _refuse_for_folders(**options: str | None) -> None:
 
 
 def _report(
-    plan: "Plan",
-    result: "UInt8Array",
-    notes: tuple[str, ...],
-    backend: str,
-    out: str,
-    as_json: bool,
+    plan: "Plan", result: "UInt8Array", notes: tuple[str, ...], out: str, as_json: bool
 ) -> None:
     from ..picture_io import pixel_sha256
 
@@ -146,9 +124,9 @@ def _report(
             "sha256": sha,
             "size": [width, height],
         }
-        echo(json.dumps({**row, "notes": list(notes), "backend": backend}))
+        echo(json.dumps({**row, "notes": list(notes)}))
         return
-    echo(f"{out}: {plan.corruption}, {width}x{height}, plan {plan.digest()[:12]}, {backend}")
+    echo(f"{out}: {plan.corruption}, {width}x{height}, plan {plan.digest()[:12]}")
     for note in notes:
         echo(f"  note: {note}")
 

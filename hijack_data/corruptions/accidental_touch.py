@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from ..corruption import Category, Corruption, Draft, Scope, register
+from ..geometry import holds_middle
 from ..params import Every, Steps, param
 from ..plan import Effect
 from ..rng import Stream
-from ..types import Box, Scene
+from ..types import Scene
 
 
 @register
@@ -48,7 +49,7 @@ class AccidentalTouch(Corruption):
 
     def make_plan(self, scene: Scene, stream: Stream, step: int) -> Draft:
         """Order the known elements at random; the desktop clicks the first that still exists."""
-        boxes = [box for box in scene.obstacles.tolist() if not _is_meant(box, scene.target)]
+        boxes = [box for box in scene.obstacles.tolist() if not holds_middle(box, scene.target)]
         order: list[list[int]] = []
         while boxes:
             order.append(boxes.pop(stream.integer(0, len(boxes) - 1)))
@@ -57,12 +58,3 @@ class AccidentalTouch(Corruption):
             effects=(Effect("touch", {"boxes": order, "without_app": self.without_app}),),
             notes=notes,
         )
-
-
-def _is_meant(box: list[int], target: Box | None) -> bool:
-    """Return whether a click on this element could be intended: it holds the target's centre."""
-    if target is None:
-        return False
-    x = (target[0] + target[2]) // 2
-    y = (target[1] + target[3]) // 2
-    return box[0] <= x < box[2] and box[1] <= y < box[3]

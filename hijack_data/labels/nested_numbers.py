@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..errors import LabelError, short_repr
-from ..sample_pictures import is_plain
+from ..sample_pictures import is_object_array, is_plain, rebuilt
 
 Numbers: TypeAlias = npt.NDArray[Any]
 NumberMap: TypeAlias = Callable[[Numbers], Numbers]
@@ -57,7 +57,7 @@ def change_groups(value: Any, width: int, change: NumberMap) -> Any:
     array = as_numbers(value)
     if array is None:
         parts = [change_groups(part, width, change) for part in value]
-        return _like_sequence(value, parts)
+        return rebuilt(value, parts)
     if not array.size:
         return value
     new_groups = change(_as_groups(value, array, width))
@@ -103,16 +103,11 @@ def change_each(value: Any, change: NumberMap) -> Any:
         return object_array(value, change_each(value.tolist(), change))
     array = as_numbers(value)
     if array is None:
-        return _like_sequence(value, [change_each(part, change) for part in value])
+        return rebuilt(value, [change_each(part, change) for part in value])
     if not array.size:
         return value
     new_numbers = change(_widest(array).reshape(-1))
     return put_back(value, new_numbers.reshape(array.shape))
-
-
-def is_object_array(value: Any) -> bool:
-    """Return whether a value is a NumPy array of objects, as of lists of different lengths."""
-    return isinstance(value, np.ndarray) and cast(Any, value).dtype == object
 
 
 def object_array(original: Any, parts: list[Any]) -> Any:
@@ -169,7 +164,7 @@ def put_back(original: Any, numbers: Numbers) -> Any:
         if is_plain(sequence):
             return _like_nested(sequence, numbers.tolist())
         pairs = zip(sequence, numbers, strict=True)
-        return _like_sequence(sequence, [put_back(old, new) for old, new in pairs])
+        return rebuilt(sequence, [put_back(old, new) for old, new in pairs])
     return numbers.item()
 
 
@@ -195,9 +190,3 @@ def _check_fit(expected: Numbers, stored: Numbers, dtype: object) -> None:
 def _widest(array: Numbers) -> Numbers:
     widest = np.float64 if array.dtype.kind == "f" else np.int64
     return array.astype(widest)
-
-
-def _like_sequence(original: Any, parts: list[Any]) -> Any:
-    if hasattr(original, "_fields"):
-        return type(original)(*parts)
-    return tuple(parts) if isinstance(original, tuple) else parts

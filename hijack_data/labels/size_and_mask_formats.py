@@ -8,17 +8,10 @@ from PIL import Image
 from ..actions import Scaling
 from ..errors import LabelError, short_repr
 from ..safety import resized_mask
-from ..sample_pictures import is_sequence, rebuilt
+from ..sample_pictures import is_object_array, is_sequence, rebuilt
 from ..types import Size, are_fractions
 from .base import Format, Move
-from .nested_numbers import (
-    Numbers,
-    change_each,
-    host_array,
-    is_object_array,
-    object_array,
-    put_back,
-)
+from .nested_numbers import Numbers, change_each, host_array, object_array, put_back
 
 
 def coordinate_format(name: str) -> Format:

@@ -185,7 +185,7 @@ def mistakes(config: object, name: str | None = None) -> Iterator[str]:
     if name is not None and isinstance(task.get("id"), str) and task["id"] != name:
         yield f"id: is {task['id']!r}, the file's name says {name!r}"
     apps = task.get("related_apps", [])
-    if not _is_list_of_texts(apps):
+    if not _is_list(apps, str):
         yield f"related_apps: must be a list of texts, got {apps!r}"
     yield from _bad_steps(task.get("config", []), "config")
     evaluator = task.get("evaluator")
@@ -216,22 +216,16 @@ def _bad_steps(steps: object, field: str) -> Iterator[str]:
         parameters = _object(step).get("parameters")
         if not isinstance(kind, str) or not isinstance(parameters, Mapping):
             yield f"{field}[{index}]: must be an object with `type` and `parameters`, got {step!r}"
-        elif kind == "download" and not _is_list_of_objects(_object(parameters).get("files", [])):
+        elif kind == "download" and not _is_list(_object(parameters).get("files", []), Mapping):
             files = _object(parameters).get("files")
             rule = "must be a list of objects with `url` and `path`"
             yield f"{field}[{index}].parameters.files: {rule}, got {files!r}"
 
 
-def _is_list_of_texts(value: object) -> bool:
+def _is_list(value: object, item_type: type) -> bool:
     if not isinstance(value, list):
         return False
-    return all(isinstance(item, str) for item in cast(list[Any], value))
-
-
-def _is_list_of_objects(value: object) -> bool:
-    if not isinstance(value, list):
-        return False
-    return all(isinstance(item, Mapping) for item in cast(list[Any], value))
+    return all(isinstance(item, item_type) for item in cast(list[Any], value))
 
 
 def _as_list(value: object) -> list[Any]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
+from hijack_data.geometry import intersection
 from hijack_data.types import Action, Box, Point, UInt8Array
 
 from ..desktops.commands import launch
@@ -227,18 +228,15 @@ class RecordingStage:
                 since = time.monotonic()
         return self.desktop.screenshot()
 
-    def targets(
-        self, box: Box, owner: Callable[[TopWindow | None], bool], xml: str | None = None
-    ) -> list[ClickTarget]:
+    def targets(self, box: Box, owner: Callable[[TopWindow | None], bool]) -> list[ClickTarget]:
         """Return the interactive elements in a box, by their centres.
 
         Args:
             box: `xyxy` on the screen.
             owner: Whether the window at an element's centre is one of those that are meant.
-            xml: The accessibility tree; it is read if omitted.
         """
         tops = self.top_windows()
-        tree = xml or self.desktop.accessibility()
+        tree = self.desktop.accessibility()
         targets: list[ClickTarget] = []
         for element in live_elements(tree, self.desktop.size):
             if not _inside(element.centre, box) or not owner(at_point(tops, element.centre)):
@@ -265,7 +263,7 @@ class RecordingStage:
             **extra: More fields of the picture.
         """
         frame = self.settled()
-        box = _clip(top.box, self.screen)
+        box = intersection(top.box, self.screen)
         self._check_uncovered(top, box)
         x1, y1, x2, y2 = box
         holes = self.look("shaped", number=top.id)["holes"]
@@ -334,16 +332,7 @@ def _area(box: Sequence[int]) -> int:
 
 
 def _overlap(first: Box, second: Box) -> bool:
-    return _area(_clip(first, second)) > 0
-
-
-def _clip(box: Box, limit: Box) -> Box:
-    return (
-        max(box[0], limit[0]),
-        max(box[1], limit[1]),
-        min(box[2], limit[2]),
-        min(box[3], limit[3]),
-    )
+    return _area(intersection(first, second)) > 0
 
 
 def _shaped(part: UInt8Array, holes: Sequence[Sequence[int]], box: Box, cut: Box) -> UInt8Array:

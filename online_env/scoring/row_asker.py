@@ -18,6 +18,7 @@ from ..agents.agent_calls import AgentAnswer, AgentError, RunningAgent
 from ..agents.guarded import Guarded, Onlooker
 from ..agents.guards import make_onlooker
 from ..choices import Question
+from ..errors import AgentSetupError
 from ..results.reading import ResultRecord
 from .answers import StepAnswer, read_answer
 from .cases import Case
@@ -29,10 +30,6 @@ from .rules import Distance, ExpectedStep, compare, unanswered
 MAX_TEXT_CHARS = 2000  # characters of a text in a record
 Scored: TypeAlias = dict[str, Any]
 MAX_STARTS = 3  # times in a row that an agent which was made may fail to be made again
-
-
-class AgentStartError(HijackError, RuntimeError):
-    """An agent that cannot be made."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +64,7 @@ class RowAsker:
         start: returns a running agent, also to replace one that died.
 
     Raises:
-        AgentStartError: the agent cannot be made.
+        AgentSetupError: the agent cannot be made.
     """
 
     def __init__(
@@ -149,7 +146,7 @@ class RowAsker:
                 if self._failed_starts >= MAX_STARTS:
                     details = "\n".join([str(error), *error.frames[-1:]])
                     name = self._settings.agent
-                    raise AgentStartError(f"{name}: cannot be made: {details}") from error
+                    raise AgentSetupError(f"{name}: cannot be made: {details}") from error
             else:
                 self._failed_starts = 0
                 return agent

@@ -81,7 +81,7 @@ class WorkerPool:
         """Yield the record of each case, as they come.
 
         Raises:
-            AgentStartError: the agent cannot be made.
+            AgentSetupError: the agent cannot be made.
         """
         self._shares.extend(cases[at : at + CHUNK] for at in range(0, len(cases), CHUNK))
         for _ in range(min(self._count, len(self._shares))):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from hijack_data.apps import normalize_app
+from hijack_data.geometry import holds_middle
 from hijack_data.pack import Asset, AssetPack
 from hijack_data.plan import Effect, Paste
 from hijack_data.rng import Stream
@@ -187,22 +188,13 @@ def _candidates(frame: Frame, effect: Effect) -> Iterator[Box]:
     height, width = frame.scene.size
     for x1, y1, x2, y2 in effect.params["boxes"]:
         box = (x1, y1, x2, y2)
-        if _is_aimed_at(box, frame.scene.target):
+        if holds_middle(box, frame.scene.target):
             continue
         if effect.params["without_app"] and _in_bar(box, frame.scene.size):
             continue
         is_large = (x2 - x1) * (y2 - y1) > MAX_ELEMENT_SHARE * width * height
         if not is_large and _stands_out(box, frame):
             yield box
-
-
-def _is_aimed_at(box: Box, target: Box | None) -> bool:
-    """Return whether an element holds the middle of the target."""
-    if target is None:
-        return False
-    x = (target[0] + target[2]) // 2
-    y = (target[1] + target[3]) // 2
-    return box[0] <= x < box[2] and box[1] <= y < box[3]
 
 
 def _stands_out(box: Box, frame: Frame) -> bool:

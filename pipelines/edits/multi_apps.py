@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from hijack_data.apps import is_browser, is_mentioned, may_be_same, normalize_app
-from hijack_data.geometry import intersection_area, largest_free_rectangle
+from hijack_data.geometry import intersection, intersection_area, largest_free_rectangle
 from hijack_data.pack import Asset
 from hijack_data.plan import Effect, Paste
 from hijack_data.types import Box, BoxArray, Point, Scene, Size, as_boxes, clip_boxes
@@ -181,16 +181,8 @@ def _corners(window: Size, scene: Scene, boxes: BoxArray) -> set[Point]:
     corners: set[Point] = set()
     for space in _beside(scene):
         corners |= _within(window, space, GRID)
-        corners |= _within(window, _intersection(space, free), 2)
+        corners |= _within(window, intersection(space, free), 2)
     return corners
-
-
-def _intersection(first: Box, second: Box) -> Box:
-    left = max(first[0], second[0])
-    top = max(first[1], second[1])
-    right = min(first[2], second[2])
-    bottom = min(first[3], second[3])
-    return left, top, right, bottom
 
 
 def _within(window: Size, space: Box, count: int) -> set[Point]:
@@ -223,7 +215,7 @@ def _beside(scene: Scene) -> list[Box]:
         (0, 0, width, y1 - TARGET_MARGIN_PX),
         (0, y2 + TARGET_MARGIN_PX, width, height),
     ]
-    return [_intersection(side, area) for side in sides]
+    return [intersection(side, area) for side in sides]
 
 
 def _count_covered(window: Box, boxes: BoxArray) -> int:

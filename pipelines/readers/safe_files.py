@@ -197,9 +197,9 @@ def parse_embedded(value: object, field: str) -> object:
         raise FieldError(field, error.reason) from None
 
 
-def parse_file(path: Path, *, unique: bool = True) -> JsonObject:
+def parse_file(path: Path) -> JsonObject:
     """Parse a whole file as a JSON object, or raise `FieldError`. See `parse`."""
-    return mapping(parse_any(path, unique=unique), "")
+    return mapping(parse_any(path), "")
 
 
 def refuse_array(path: Path) -> None:

@@ -97,15 +97,6 @@ def check_split(
             )
 
 
-def split_side(name: str) -> str | None:
-    """Return `training` or `held_out`, or `None` for a task that is in none of our splits."""
-    for family in ("suite", "osworld", "toy"):
-        for side in SIDES:
-            if name in members(f"{family}/{side}"):
-                return side
-    return None
-
-
 def _authors_hint(family: str, names: list[str]) -> str:
     """Return how to train on the authors' tasks, if the refused ones are all of theirs."""
     if family != "osworld" or not set(names) <= set(members(f"agenthijack/{TRAINING}")):

@@ -51,7 +51,7 @@ CASES = {
 }
 
 
-def made(case: str) -> tuple[hj.Plan, np.ndarray]:
+def make_plan(case: str) -> tuple[hj.Plan, np.ndarray]:
     name, values = CASES[case]
     return hj.make_corruption(name, **values).plan(
         scene(SIZE), seed=20260, sample="golden"
@@ -67,7 +67,7 @@ def golden() -> dict:
     if UPDATE:
         rows = {}
         for case in CASES:
-            plan, image = made(case)
+            plan, image = make_plan(case)
             rows[case] = {"digest": plan.digest(), "picture": sha(hj.apply(plan, image))}
         text = json.dumps({"freetype": features.version("freetype2"), "cases": rows}, indent=1)
         GOLDEN.write_text(text + "\n")
@@ -83,7 +83,7 @@ def skip_other_freetype(golden, case):
 @pytest.mark.parametrize("case", CASES)
 def test_plan_is_the_golden_one(golden, case):
     skip_other_freetype(golden, case)
-    assert made(case)[0].digest() == golden["cases"][case]["digest"]
+    assert make_plan(case)[0].digest() == golden["cases"][case]["digest"]
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -92,5 +92,5 @@ def test_picture_is_the_golden_one(golden, case, backend):
     skip_other_freetype(golden, case)
     if backend != "numpy" and importlib.util.find_spec(backend) is None:
         pytest.skip(f"{backend} is not installed")
-    plan, image = made(case)
+    plan, image = make_plan(case)
     assert sha(hj.apply(plan, convert(image, backend))) == golden["cases"][case]["picture"]

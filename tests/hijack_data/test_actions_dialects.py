@@ -466,9 +466,9 @@ def test_rows_of_datasets_follow_in_every_dialect():
     model = Scaling(RESIZED, HALF_RESIZED)
     for dialect, reply, _, _ in FORMS:
         text = reply if isinstance(reply, str) else json.dumps(reply)
-        moved = map_recorded(text, dialect, Scaling(SIZE, (500, 1000)), model)
+        mapped_text = map_recorded(text, dialect, Scaling(SIZE, (500, 1000)), model)
         if dialect in FRACTIONS:
-            assert moved == text
+            assert mapped_text == text
 
 
 MANY = 40_000

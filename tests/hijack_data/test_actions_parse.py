@@ -147,8 +147,8 @@ def test_fractions_become_pixels():
     assert parse_pyautogui("pyautogui.scroll(-54)", SIZE, normalized=True) == Action(
         "scroll", amount=-54
     )
-    moved = "pyautogui.moveTo(0.5, 0.5); pyautogui.dragRel(0.25, 0)"
-    assert parse_pyautogui(moved, SIZE, normalized=True) == Action("drag", 640, 360, 960, 360)
+    code = "pyautogui.moveTo(0.5, 0.5); pyautogui.dragRel(0.25, 0)"
+    assert parse_pyautogui(code, SIZE, normalized=True) == Action("drag", 640, 360, 960, 360)
     with pytest.raises(ActionError, match="pixels already"):
         parse_pyautogui("pyautogui.click(100, 200)", SIZE, normalized=True)
     with pytest.raises(ParameterError, match="size"):

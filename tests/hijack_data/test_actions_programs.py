@@ -77,8 +77,8 @@ def test_the_mapped_program_does_what_mapping_the_numbers_says(code, coords):
     before = record(code, coords.observation)
     after = record(coords.code_to_screen(code), coords.screen)
     assert len(before) == len(after)
-    for (name, (x, y), *rest), (name2, pair, *rest2) in zip(before, after, strict=True):
-        assert (name, rest) == (name2, rest2)
+    for (name, (x, y), *arguments), (name2, pair, *rest2) in zip(before, after, strict=True):
+        assert (name, arguments) == (name2, rest2)
         to = coords.vector_to_screen if name in RELATIVE else lambda a, b: coords.to_screen((a, b))
         expected = to(x or 0, y or 0)
         assert [v is None for v in pair] == [x is None, y is None]

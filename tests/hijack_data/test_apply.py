@@ -67,8 +67,8 @@ def test_sizes_that_differ_come_back_as_a_list(kind):
 def test_one_new_size_stays_one_array(kind):
     small = [hj.Resolution().plan(SCREEN, seed=1)] * 3
     assert back(hj.apply(small, to(batch(), kind)), kind).shape == (3, 108, 192, 3)
-    kept = [hj.Resolution(restore=True).plan(SCREEN, seed=1)] * 3
-    assert back(hj.apply(kept, to(batch(), kind)), kind).shape == (3, *SIZE, 3)
+    plans = [hj.Resolution(restore=True).plan(SCREEN, seed=1)] * 3
+    assert back(hj.apply(plans, to(batch(), kind)), kind).shape == (3, *SIZE, 3)
 
 
 def test_one_plan_for_a_whole_batch_and_more_leading_axes():

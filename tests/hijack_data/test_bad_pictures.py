@@ -204,10 +204,10 @@ def test_pil_pictures_that_cannot_be_decoded():
     cut = Image.open(io.BytesIO(buffer.getvalue()[: len(buffer.getvalue()) // 2]))
     with pytest.raises(ImageError, match="cannot be decoded"):
         hj.apply(MARKS, cut)
-    closed = Image.fromarray(picture(SIZE))
-    closed.close()
+    closed_image = Image.fromarray(picture(SIZE))
+    closed_image.close()
     with pytest.raises(ImageError, match="cannot be decoded"):
-        hj.apply(MARKS, closed)
+        hj.apply(MARKS, closed_image)
 
 
 def test_a_pil_picture_where_an_array_is_needed():

@@ -47,7 +47,7 @@ STRANGE = [
 ]
 
 
-def whole() -> dict:
+def valid_plan() -> dict:
     """JSON data of a plan that has everything: operations, effects, notes, nested parameters."""
     ops = (*(Paste(recipe, ((3, 4), (-2, 70))) for recipe in RECIPES), Resample((50, 60)))
     effects = (Effect("lock", {"after": [1, 2], "how": {"by": "key"}}),)
@@ -64,10 +64,10 @@ def sealed(data: dict) -> str:
 def with_value(data: dict, path: tuple, value: object) -> dict:
     """The data with the value at a path of keys and indices replaced."""
     data = copy.deepcopy(data)
-    place = data
+    node = data
     for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = value
+        node = node[key]
+    node[path[-1]] = value
     return data
 
 
@@ -95,7 +95,7 @@ def test_numbers_that_json_does_not_have_are_named(number):
 @pytest.mark.parametrize("number", ["NaN", "1e999"])
 def test_the_command_says_it_in_a_line(tmp_path, number):
     write_atomic(tmp_path / "screen.png", encode_png(np.zeros((20, 30, 3), np.uint8)))
-    text = json.dumps({**whole(), "params": {"scale": 0.25}}).replace("0.25", number)
+    text = json.dumps({**valid_plan(), "params": {"scale": 0.25}}).replace("0.25", number)
     write_atomic(tmp_path / "plan.json", text)
     words = ["apply", "screen.png", "-o", "out.png", "--plan", "plan.json"]
     command = [sys.executable, "-m", "hijack_data.cli", *words]
@@ -145,14 +145,16 @@ def test_the_command_says_it_in_a_line(tmp_path, number):
 )
 def test_fields_of_the_wrong_type_are_refused_not_turned_into_the_right_one(path, value, message):
     with pytest.raises(PlanError, match=message):
-        Plan.from_json(sealed(with_value(whole(), path, value)))
+        Plan.from_json(sealed(with_value(valid_plan(), path, value)))
 
 
-@pytest.mark.parametrize("path", [path for path in paths(whole()) if path and path != ("digest",)])
+@pytest.mark.parametrize(
+    "path", [path for path in paths(valid_plan()) if path and path != ("digest",)]
+)
 def test_what_is_read_is_what_was_written(path):
     """Whatever stands at a place is refused or kept: what was read has the digest of the text."""
     for value in STRANGE:
-        text = sealed(with_value(whole(), path, value))
+        text = sealed(with_value(valid_plan(), path, value))
         try:
             plan = Plan.from_json(text)
         except PlanError:
@@ -169,10 +171,10 @@ values = st.recursive(
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.sampled_from([path for path in paths(whole()) if path]), values)
+@given(st.sampled_from([path for path in paths(valid_plan()) if path]), values)
 def test_any_value_anywhere_is_ours_to_refuse(path, value):
     """Reading and applying raise our errors only, whatever stands in a field."""
-    data = with_value(whole(), path, value)
+    data = with_value(valid_plan(), path, value)
     try:
         text = sealed(data)
     except PlanError:  # NaN: no digest can be made
@@ -192,12 +194,12 @@ def test_what_is_no_text_is_said(text):
 @pytest.mark.parametrize("data", [{1, 2}, {1: 2}, b"x", np.int64(3), float("nan"), object()])
 def test_data_that_is_no_json_is_refused(data):
     with pytest.raises(PlanError, match="plan"):
-        Plan.from_data({**whole(), "params": {"a": data}})
+        Plan.from_data({**valid_plan(), "params": {"a": data}})
 
 
 @pytest.mark.parametrize("depth", [900, 5000, 100_000])
 def test_endless_nesting_is_refused(depth):
-    text = json.dumps({**whole(), "params": {"a": "HERE"}})
+    text = json.dumps({**valid_plan(), "params": {"a": "HERE"}})
     with pytest.raises(PlanError, match=r"nested|recursion|digest"):
         Plan.from_json(text.replace('"HERE"', "[" * depth + "]" * depth))
     data: list = []
@@ -206,7 +208,7 @@ def test_endless_nesting_is_refused(depth):
     with pytest.raises(PlanError, match="nested too deeply"):
         Plan("test-v1", (4, 5), {"a": data})
     with pytest.raises(PlanError, match="nested too deeply"):
-        Plan.from_data({**whole(), "params": {"a": data}})
+        Plan.from_data({**valid_plan(), "params": {"a": data}})
 
 
 @pytest.mark.parametrize("color", ["#ff000080", "rgba(1, 2, 3, 0.5)", "no colour", 5, None])
@@ -304,7 +306,7 @@ def changes(params):
 
 
 def frozen_plans() -> list[Plan]:
-    plan = Plan.from_data(whole())
+    plan = Plan.from_data(valid_plan())
     copies = [pickle.loads(pickle.dumps(plan)), copy.deepcopy(plan), copy.copy(plan)]
     return [plan, *copies, dataclasses.replace(plan, notes=())]
 

@@ -150,10 +150,10 @@ def test_every_byte_under_every_opacity(layout, level):
     alpha, below = np.mgrid[0:256, 0:256].astype(np.uint8)
     image = np.stack([below, 255 - below, below], axis=-1)
     box, color, items = (0, 0, 256, 256), (level, 255, 255 - level), (255, level, level)
-    first, whole = alpha // 3, alpha.astype(np.int64)[..., None]
+    first, wide_alpha = alpha // 3, alpha.astype(np.int64)[..., None]
     second = alpha - first
     value, two = (
-        whole * color,
+        wide_alpha * color,
         first[..., None].astype(np.int64) * color + second[..., None].astype(np.int64) * items,
     )
     for layer, paint in (

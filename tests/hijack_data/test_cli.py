@@ -113,27 +113,13 @@ def test_apply_prints_one_object(screen, tmp_path):
     )
     assert result.returncode == 0, result.stderr
     row = json.loads(result.stdout)
-    assert list(row) == ["corruption", "digest", "sha256", "size", "notes", "backend"]
+    assert list(row) == ["corruption", "digest", "sha256", "size", "notes"]
     pixels = load_image(out)[0]
     assert row["sha256"] == hashlib.sha256(pixels.tobytes()).hexdigest()
     assert row["size"] == [1100, 540]
     plan = hj.Marks(number=9, color="#00ff00").plan(hj.Scene(size=SIZE), seed=7, sample="0")
     assert row["digest"] == plan.digest()
     assert np.array_equal(pixels, hj.apply(plan, load_image(screen)[0]))
-
-
-@pytest.mark.parametrize("backend", ["torch", "jax"])
-def test_backends_agree(screen, tmp_path, backend):
-    pytest.importorskip(backend)
-    shas = {
-        json.loads(
-            run(
-                "apply", screen, "subtitle", "-o", tmp_path / f"{b}.png", "--backend", b, "--json"
-            ).stdout
-        )["sha256"]
-        for b in ("numpy", backend)
-    }
-    assert len(shas) == 1
 
 
 def test_a_saved_plan_is_replayed(screen, tmp_path):
@@ -202,7 +188,6 @@ def test_the_tree_is_used(screen, tmp_path):
             ["subtitle", "--set", "font_size=400"],
             ["does not fit 1100x540", "largest font_size that fits"],
         ),
-        (["marks", "--backend", "cupy"], ["numpy"]),
         ([], ["give the NAME"]),
     ],
 )
@@ -390,8 +375,8 @@ def test_gallery(screen, tmp_path):
 
 def test_build_and_verify(tmp_path):
     source = ROOT / "examples" / "recordings"
-    chosen = ("--limit", "1", "--corruptions", "marks")
-    result = run("build", source, "--out", tmp_path / "d", *chosen, "--json")
+    options = ("--limit", "1", "--corruptions", "marks")
+    result = run("build", source, "--out", tmp_path / "d", *options, "--json")
     assert result.returncode == 0, result.stderr
     assert json.loads(result.stdout)["rows_by_corruption"] == {"clean": 8, "marks": 8}
     assert run("verify", tmp_path / "d").returncode == 0

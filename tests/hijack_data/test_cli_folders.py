@@ -17,9 +17,9 @@ FEW = ("--set", "number=3")
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     for name in ("a.png", "sub/b.png", "sub/b.jpg"):
-        place = tmp_path / "shots" / name
-        place.parent.mkdir(parents=True, exist_ok=True)
-        Image.new("RGB", (320, 200), "navy").save(place)
+        path = tmp_path / "shots" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.new("RGB", (320, 200), "navy").save(path)
     return tmp_path / "shots"
 
 

@@ -99,24 +99,24 @@ def test_all_ways_count_the_same(seed, size, share, rows, one, two):
     mask = np.zeros((*size, 1), bool)
     for x1, y1, x2, y2 in boxes.clip(0).tolist():
         mask[y1:y2, x1:x2] = True
-    given, kept = boxes.copy(), np.where(mask, after, before)
-    a, b, c = LAYOUTS[one](before), LAYOUTS[two or one](kept), LAYOUTS[two or one](after)
-    assert compare.count(a, b, boxes) == int((before != kept).any(-1).sum())
+    boxes_before, merged = boxes.copy(), np.where(mask, after, before)
+    a, b, c = LAYOUTS[one](before), LAYOUTS[two or one](merged), LAYOUTS[two or one](after)
+    assert compare.count(a, b, boxes) == int((before != merged).any(-1).sum())
     assert compare.count(a, c, boxes) == compare.count(before, after, boxes)
-    assert np.array_equal(boxes, given)
+    assert np.array_equal(boxes, boxes_before)
 
 
 def test_large_pictures_in_every_layout():
     before, after = pair(3, 700, 900, 0.2)
-    whole, parts = (
+    whole_count, parts = (
         np.array([[0, 0, 900, 700]], np.int32),
         boxes_of([(5, 5, 800, 300), (0, 310, 40, 380)]),
     )
     for layout in LAYOUTS.values():
-        one, two = layout(before), layout(after)
-        assert compare.count(one, two, whole) == int((before != after).any(-1).sum())
+        first, second = layout(before), layout(after)
+        assert compare.count(first, second, whole_count) == int((before != after).any(-1).sum())
         halves = (before != after).any(-1)
-        assert compare.count(one, two, parts) == int(
+        assert compare.count(first, second, parts) == int(
             halves[5:305, 5:805].sum() + halves[310:690, :40].sum()
         )
 
@@ -149,5 +149,5 @@ def test_threads_may_count_at_once():
     pairs = [pair(seed, 90, 120, 0.1) for seed in range(16)]
     boxes = boxes_of([(0, 0, 100, 80), (90, 70, 30, 20)])
     with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(lambda both: compare.count(*both, boxes), pairs))
-    assert found == [compare.count(*both, boxes) for both in pairs]
+        counts = list(pool.map(lambda both: compare.count(*both, boxes), pairs))
+    assert counts == [compare.count(*both, boxes) for both in pairs]

@@ -44,13 +44,13 @@ IDS = [f"row-{i}" for i in range(8)]
 
 
 def test_order_and_batch_do_not_matter():
-    whole = digests(IDS)
-    assert digests(IDS[::-1]) == whole
+    whole_digests = digests(IDS)
+    assert digests(IDS[::-1]) == whole_digests
     parts: dict[str, str] = {}
     for start in range(0, 8, 3):
         parts.update(digests(IDS[start : start + 3]))
-    assert parts == whole
-    assert digests(IDS, epoch=1) != whole
+    assert parts == whole_digests
+    assert digests(IDS, epoch=1) != whole_digests
 
 
 def test_another_process_plans_the_same():
@@ -94,13 +94,13 @@ def test_a_drag_is_judged_at_both_ends():
     res = aug()(images, ids=IDS, targets=[target] * 8, ends=[end] * 7 + [None], seed=7)
     starts = aug()(images, ids=IDS, targets=[target] * 8, seed=7)
     pairs = list(zip(res.plans, images, strict=True))
-    both = [
+    results = [
         min(hj.judge(p, i, i, target=t).target_visible for t in (target, end)) for p, i in pairs
     ]
     assert res.plans == starts.plans
     assert (
         [s.target_visible for s in res.safety[:7]]
-        == both[:7]
+        == results[:7]
         != [s.target_visible for s in starts.safety[:7]]
     )
     assert res.safety[7].target_visible == starts.safety[7].target_visible
@@ -126,10 +126,10 @@ def test_p_clean_is_a_probability():
 
 def test_a_trigger_of_each_step_is_drawn_at_most_so_often_in_an_episode():
     screen = hj.Scene(size=SIZE)
-    every = hj.make_corruption("accidental_touch", step=Every(2))
-    config = {"one_of": {"options": [every.to_config()], "p_clean": 0.5, "max_times": 2}}
+    corruption = hj.make_corruption("accidental_touch", step=Every(2))
+    config = {"one_of": {"options": [corruption.to_config()], "p_clean": 0.5, "max_times": 2}}
     capped = load_config({"corruptions": [config]}).corruptions["one_of"]
-    free = hj.OneOf([every], p_clean=0.5)
+    free = hj.OneOf([corruption], p_clean=0.5)
     assert capped.to_config()["one_of"] == config["one_of"] | {"weights": [1.0]}
 
     def steps(planner, sample):
@@ -153,8 +153,10 @@ def test_a_trigger_of_each_step_is_drawn_at_most_so_often_in_an_episode():
 
 def test_weights():
     screen = hj.Scene(size=SIZE)
-    loaded = hj.OneOf([hj.Marks(number=1), hj.Resolution()], weights=[3, 1])
-    marks = sum(loaded.plan(screen, seed=1, sample=i).corruption == "marks-v1" for i in range(1000))
+    composition = hj.OneOf([hj.Marks(number=1), hj.Resolution()], weights=[3, 1])
+    marks = sum(
+        composition.plan(screen, seed=1, sample=i).corruption == "marks-v1" for i in range(1000)
+    )
     assert 700 < marks < 800
     never = hj.OneOf([hj.Marks(), hj.Resolution()], weights=[0, 1])
     assert {never.plan(screen, seed=1, sample=i).corruption for i in range(50)} == {"resolution-v2"}

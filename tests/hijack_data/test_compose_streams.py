@@ -26,7 +26,7 @@ def pair(*colors, **more):
     return hj.OneOf([mark(color) for color in colors], **more)
 
 
-def drawn(planner, samples=SAMPLES):
+def count_colors(planner, samples=SAMPLES):
     """What each sample got: the colour of its marks, or that it stayed clean."""
     plans = [planner.plan(SCREEN, seed=1, sample=i) for i in range(samples)]
     return Counter(str(plan.params.get("color", "clean")) for plan in plans)
@@ -62,7 +62,7 @@ LABELLED = INNER % ("red", "blue", ", as: one"), INNER % ("lime", "black", ", as
     ],
 )
 def test_every_leaf_is_reached_with_its_odds(planner, odds):
-    counts = drawn(planner)
+    counts = count_colors(planner)
     assert set(counts) == set(odds)
     expected = [SAMPLES * odds[name] for name in counts]
     assert chisquare(list(counts.values()), expected).pvalue > 1e-4
@@ -72,7 +72,7 @@ def test_trees_written_in_yaml_reach_every_leaf(tmp_path):
     file = tmp_path / "tree.yaml"
     file.write_text(f"corruptions: [one_of: {{options: [{FIRST}, {SECOND}]}}]")
     (tree,) = load_config(file).corruptions.values()
-    assert chisquare([drawn(tree)[color] for color in COLORS]).pvalue > 1e-4
+    assert chisquare([count_colors(tree)[color] for color in COLORS]).pvalue > 1e-4
 
 
 def test_transforms_reach_every_leaf(tmp_path):
@@ -84,7 +84,7 @@ def test_transforms_reach_every_leaf(tmp_path):
         [tr.OneOf([mark("red"), mark("blue")]), tr.OneOf([mark("lime"), mark("black")])]
     )
     for transform in (configured, nested_twice):
-        counts = drawn(transform.settings.planner)
+        counts = count_colors(transform.settings.planner)
         assert chisquare([counts[color] for color in COLORS]).pvalue > 1e-4
 
 
@@ -149,8 +149,8 @@ def test_a_corruption_alone_draws_from_the_plain_stream():
     plan = mark().plan(SCREEN, seed=1, sample="x")
     assert plan != hj.Sequence([mark()]).plan(SCREEN, seed=1, sample="x")
     stream = Stream(1, "marks-v1", "x")
-    drawn = mark().make_plan(SCREEN, stream, 0)
-    assert drawn.ops == plan.ops
+    draft = mark().make_plan(SCREEN, stream, 0)
+    assert draft.ops == plan.ops
 
 
 def test_branches_are_strings_that_travel():

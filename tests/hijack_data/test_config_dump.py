@@ -20,15 +20,17 @@ from support.config import load, structure
 
 def values_of(parameter: Parameter) -> st.SearchStrategy[Any]:
     low, high = parameter.low, parameter.high
-    whole = st.integers(int(low or 0), int(high) if high is not None else 10**6)
+    integers = st.integers(int(low or 0), int(high) if high is not None else 10**6)
     strategies: dict[str, st.SearchStrategy[Any]] = {
         "bool": st.booleans(),
-        "int": whole,
+        "int": integers,
         "float": st.floats(low, high, allow_nan=False),
         "color": st.sampled_from(["red", "#000000", "#1e1000", [1, 2, 255]]),
         "choice": st.sampled_from(parameter.choices),
         "steps": st.one_of(
-            whole, st.lists(whole, min_size=1, max_size=4), st.integers(1, 99).map(hj.plugin.Every)
+            integers,
+            st.lists(integers, min_size=1, max_size=4),
+            st.integers(1, 99).map(hj.plugin.Every),
         ),
         "ip": st.sampled_from([None, "10.0.0.1", "::1"]),
         "str": (
@@ -59,8 +61,8 @@ def values_of(parameter: Parameter) -> st.SearchStrategy[Any]:
 def specs(draw: st.DrawFn) -> hj.corruption.Corruption:
     cls = hj.corruption.find_corruption(draw(st.sampled_from(hj.corruption_names())))
     entries = {key: parameter for key, (parameter, _) in parameters(cls).items()}
-    chosen = draw(st.lists(st.sampled_from(sorted(entries)), unique=True))
-    values = {key: draw(values_of(entries[key])) for key in chosen}
+    names = draw(st.lists(st.sampled_from(sorted(entries)), unique=True))
+    values = {key: draw(values_of(entries[key])) for key in names}
     if "window_string" in values:
         values["window_string"] = values["window_string"].replace("{", "{{").replace("}", "}}")
     if "font_path" in values:  # it must be there
@@ -109,15 +111,15 @@ def test_dump_is_canonical_and_whole(tmp_path):
         == "corruptions:\n- marks:\n    number: 50\n    mark_size: 20\n    mark_type: star\n   "
         " color: red\n    avoid_elements: false\n"
     )
-    drawn = dump([hj.OneOf([hj.Marks(), hj.Subtitle()], p_clean=0.25, weights=[0.1, 0.2])])
-    assert "p_clean: 0.25\n    weights:\n    - 0.1\n    - 0.2\n" in drawn
+    dumped = dump([hj.OneOf([hj.Marks(), hj.Subtitle()], p_clean=0.25, weights=[0.1, 0.2])])
+    assert "p_clean: 0.25\n    weights:\n    - 0.1\n    - 0.2\n" in dumped
 
 
 def test_dump_does_not_lean_on_defaults():
-    written = yaml.safe_load(dump([hj.make_corruption(name) for name in hj.corruption_names()]))[
+    entries = yaml.safe_load(dump([hj.make_corruption(name) for name in hj.corruption_names()]))[
         "corruptions"
     ]
-    for entry in written:
+    for entry in entries:
         ((name, values),) = entry.items()
         assert values.keys() == parameters(hj.make_corruption(name)).keys()
 

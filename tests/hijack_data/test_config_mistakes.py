@@ -402,6 +402,8 @@ def test_any_bytes_load_or_raise_a_config_error(tmp_path_factory, data):
 def test_a_damaged_configuration_loads_or_raises_a_config_error(tmp_path_factory, data):
     text = (ROOT / "configs/corruptions/paper.yaml").read_text()
     at = data.draw(st.integers(0, len(text)))
-    gone = data.draw(st.integers(0, 20))
-    path = write(tmp_path_factory.getbasetemp(), text[:at] + data.draw(PIECES) + text[at + gone :])
+    deleted = data.draw(st.integers(0, 20))
+    path = write(
+        tmp_path_factory.getbasetemp(), text[:at] + data.draw(PIECES) + text[at + deleted :]
+    )
     assert all(problem.startswith(f"{path}:") for problem in outcome(path))

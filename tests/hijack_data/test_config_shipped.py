@@ -24,8 +24,8 @@ def test_paper_is_the_table_of_defaults():
     config = load_config("paper")
     assert config.corruptions == {name: hj.make_corruption(name) for name in hj.corruption_names()}
     assert (config.options, config.source) == ({}, "corruptions/paper")
-    written = yaml.safe_load((ROOT / "configs/corruptions/paper.yaml").read_text())["corruptions"]
-    keys = {name: list(params) for entry in written for name, params in entry.items()}
+    entries = yaml.safe_load((ROOT / "configs/corruptions/paper.yaml").read_text())["corruptions"]
+    keys = {name: list(params) for entry in entries for name, params in entry.items()}
     assert keys == {
         "pop_ups": [
             "width",
@@ -57,7 +57,7 @@ def test_paper_is_the_table_of_defaults():
         "network_error": ["step", "local_ip"],
         "verification": ["step"],
     }
-    marks = next(entry["marks"] for entry in written if "marks" in entry)
+    marks = next(entry["marks"] for entry in entries if "marks" in entry)
     assert marks == {
         "number": 50,
         "mark_size": 20,

@@ -280,11 +280,13 @@ def test_actions_map_their_points_and_nothing_else():
 @given(SIZES, SIZES, SIZES, st.data())
 def test_composition_rounds_once_and_inverts(first, mid, last, data):
     a, b = CoordMap(first, mid), CoordMap(mid, last)
-    both = a.then(b)
-    assert (both.observation, both.screen) == (first, last)
-    assert both.inverse() == b.inverse().then(a.inverse())
+    combined = a.then(b)
+    assert (combined.observation, combined.screen) == (first, last)
+    assert combined.inverse() == b.inverse().then(a.inverse())
     x = data.draw(st.integers(0, first[1] - 1))
-    assert both.to_screen((x, 0))[0] == math.ceil(Fraction(2 * x + 1, 2) * last[1] / first[1]) - 1
+    assert (
+        combined.to_screen((x, 0))[0] == math.ceil(Fraction(2 * x + 1, 2) * last[1] / first[1]) - 1
+    )
 
 
 def test_two_roundings_would_differ_from_one():

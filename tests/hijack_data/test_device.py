@@ -184,18 +184,18 @@ def test_any_resize_gives_the_bytes_of_the_cpu(height, width, h, w):
 
 
 def test_a_sprite_is_sent_once_and_goes_with_the_cache(monkeypatch):
-    sent = []
+    sent_arrays = []
     monkeypatch.setattr(
         device,
         "_send",
-        lambda arrays, to, right=device._send: sent.append(arrays) or right(arrays, to),
+        lambda arrays, to, right=device._send: sent_arrays.append(arrays) or right(arrays, to),
     )
     plan = SPECS["subtitle"].plan(scene(SIZE), seed=2, sample="a")
     masks = [len(s.sprite.layers[0].covers) for op in plan.ops for s in lower(op, SIZE)]
     for _ in range(2):
         hj.apply(plan, tensor(picture(SIZE)))
     # the sprite, then twice the tables: jobs, rows and tiles
-    assert [len(arrays) for arrays in sent] == [*masks, 3, 3]
+    assert [len(arrays) for arrays in sent_arrays] == [*masks, 3, 3]
 
 
 def test_a_wrong_row_is_noticed():

@@ -17,7 +17,7 @@ cv2 = pytest.importorskip("cv2", reason="needs the extra 'vision'")
 def masks(draw: Any) -> np.ndarray:
     """Blocks, which make rows and long lines that repeat, or single pixels, which hang together by
     corners."""
-    height, width, block = (draw(st.integers(1, most)) for most in (70, 70, 9))
+    height, width, block = (draw(st.integers(1, limit)) for limit in (70, 70, 9))
     share = draw(st.sampled_from([0.0, 0.1, 0.4, 0.6, 0.9, 1.0]))
     cells = np.random.default_rng(draw(st.integers(0, 2**32))).random((height, width)) < share
     cells = cells.repeat(draw(st.integers(1, block)), 0).repeat(draw(st.integers(1, block)), 1)[
@@ -74,5 +74,5 @@ def test_what_another_mask_touches(mask: np.ndarray, connectivity: int, seed: in
 def test_straight_lines_are_those_of_opencv(mask: np.ndarray, length: int) -> None:
     """At the edge of the picture too, where half a line is enough."""
     across, down = (np.ones(shape, np.uint8) for shape in ((1, length), (length, 1)))
-    opened = [cv2.morphologyEx(mask, cv2.MORPH_OPEN, block) for block in (across, down)]
-    assert np.array_equal(straight_lines(cv2, mask, length), cv2.max(*opened))
+    opened_masks = [cv2.morphologyEx(mask, cv2.MORPH_OPEN, block) for block in (across, down)]
+    assert np.array_equal(straight_lines(cv2, mask, length), cv2.max(*opened_masks))

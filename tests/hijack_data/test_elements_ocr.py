@@ -26,10 +26,10 @@ def page() -> tuple[np.ndarray, dict[str, tuple[float, float, float, float]]]:
     draw = ImageDraw.Draw(image)
     font = ImageFont.truetype(str(FONT), 22)
     lines = {"Settings": (20, 15), "Network": (250, 90)}
-    for text, place in lines.items():
-        draw.text(place, text, fill=(20, 20, 120), font=font)
+    for text, box in lines.items():
+        draw.text(box, text, fill=(20, 20, 120), font=font)
     return np.asarray(image), {
-        text: draw.textbbox(place, text, font=font) for text, place in lines.items()
+        text: draw.textbbox(box, text, font=font) for text, box in lines.items()
     }
 
 
@@ -129,6 +129,6 @@ def test_openvino_keeps_nothing_of_each_size_of_a_picture(engines: Callable[[boo
             request.infer([np.zeros((1, 3, height, width), np.float32)])
         return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
-    some = [(height, width) for height in (96, 160, 224) for width in range(96, 608, 32)]
-    before = read([(256, 640), some[0]])
-    assert read(some) - before < 60e6
+    odd_sizes = [(height, width) for height in (96, 160, 224) for width in range(96, 608, 32)]
+    before = read([(256, 640), odd_sizes[0]])
+    assert read(odd_sizes) - before < 60e6

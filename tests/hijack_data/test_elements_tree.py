@@ -37,8 +37,8 @@ def document(body: str, platform: str = "ubuntu", root: str = "desktop-frame") -
         "class": "class",
         "role": "role",
     }
-    declared = " ".join(f'xmlns:{prefix}="{base}/{path}"' for prefix, path in spaces.items())
-    return f"<{root} {declared}>{body}</{root}>"
+    declarations = " ".join(f'xmlns:{prefix}="{base}/{path}"' for prefix, path in spaces.items())
+    return f"<{root} {declarations}>{body}</{root}>"
 
 
 def node(
@@ -114,12 +114,12 @@ def test_without_a_size_boxes_stay_as_they_are() -> None:
 
 def test_bytes_text_and_utf16_agree() -> None:
     expected = boxes_from_tree(DESKTOP, SIZE).boxes.tolist()
-    declared = '<?xml version="1.0" encoding="UTF-16"?>' + DESKTOP
+    document = '<?xml version="1.0" encoding="UTF-16"?>' + DESKTOP
     for xml in (
         DESKTOP.encode(),
         b"\xef\xbb\xbf" + DESKTOP.encode(),
-        declared,
-        declared.encode("utf-16"),
+        document,
+        document.encode("utf-16"),
     ):
         assert boxes_from_tree(xml, SIZE).boxes.tolist() == expected
 
@@ -201,10 +201,10 @@ def test_states_of_a_foreign_namespace_do_not_count() -> None:
 )
 @pytest.mark.parametrize("key", ["screencoord", "size"])
 def test_malformed_numbers_name_line_node_and_value(key: str, value: str) -> None:
-    place, size = (value, (1, 1)) if key == "screencoord" else ((1, 1), value)
+    position, size = (value, (1, 1)) if key == "screencoord" else ((1, 1), value)
     xml = document(
         "<panel><icon/></panel>\n<application"
-        f' name="x">\n{node("entry", place, size)}</application>'
+        f' name="x">\n{node("entry", position, size)}</application>'
     )
     with pytest.raises(
         ElementsError, match=rf"{key}=.*line 3, column 1, at desktop-frame/application/entry"
@@ -347,8 +347,10 @@ def test_kept_boxes_lie_on_the_screen_and_all_nodes_are_counted(
         assert box == [max(x, 0), max(y, 0), min(x + w, 100), min(y + h, 90)]
         assert box[0] < box[2]
         assert box[1] < box[3]
-    lost = len(places) - len(result)
-    assert lost == 0 or result.notes[0].startswith(f"left out {lost} of {len(places)} ")
+    missing_count = len(places) - len(result)
+    assert missing_count == 0 or result.notes[0].startswith(
+        f"left out {missing_count} of {len(places)} "
+    )
     assert boxes_from_tree(xml, (90, 100)).boxes.tolist() == result.boxes.tolist()
 
 
@@ -377,16 +379,16 @@ def test_applications_of_one_name_are_told_apart() -> None:
 
 def test_a_node_has_text_states_and_a_box() -> None:
     nodes = by_name(DESKTOP)
-    place = nodes["Location & path"]
-    assert place.text == "/home/user"
-    assert place.states == {"showing", "visible"}
-    assert (place.box, place.visible, place.enabled, place.interactive) == (
+    node = nodes["Location & path"]
+    assert node.text == "/home/user"
+    assert node.states == {"showing", "visible"}
+    assert (node.box, node.visible, node.enabled, node.interactive) == (
         (50, 30, 650, 62),
         True,
         True,
         True,
     )
-    assert place.path == "desktop-frame/application/frame/panel/entry"
+    assert node.path == "desktop-frame/application/frame/panel/entry"
     assert nodes["Off"].enabled is False
     assert nodes["Hidden"].visible is False
     assert nodes["Hidden"].box == (700, 30, 732, 62)

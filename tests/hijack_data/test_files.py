@@ -50,10 +50,12 @@ def test_modes_are_converted_and_said(tmp_path):
 
 def test_broken_pictures(tmp_path, noise):
     (tmp_path / "empty.png").write_bytes(b"")
-    whole = encode_png(noise)
-    (tmp_path / "cut.png").write_bytes(whole[: len(whole) // 2])
+    whole_bytes = encode_png(noise)
+    (tmp_path / "cut.png").write_bytes(whole_bytes[: len(whole_bytes) // 2])
     (tmp_path / "text.png").write_text("not a picture")
-    (tmp_path / "flipped.png").write_bytes(whole[:300] + bytes([whole[300] ^ 255]) + whole[301:])
+    (tmp_path / "flipped.png").write_bytes(
+        whole_bytes[:300] + bytes([whole_bytes[300] ^ 255]) + whole_bytes[301:]
+    )
     png16(tmp_path / "deep.png")
     Image.new("I;16", (4, 4)).save(tmp_path / "grey16.png")
     frames = [Image.new("RGB", (5, 5), c) for c in ("red", "blue")]
@@ -104,7 +106,7 @@ def turned_file(kind: str, orientation: object) -> tuple[bytes, np.ndarray]:
     return buffer.getvalue(), stored
 
 
-def shown(stored: np.ndarray, orientation: int) -> np.ndarray:
+def turned(stored: np.ndarray, orientation: int) -> np.ndarray:
     """The pixels as EXIF says that they are to be shown: the meaning of its eight values."""
     turn = {
         1: stored,
@@ -126,7 +128,7 @@ def test_a_picture_that_exif_turns_is_loaded_as_it_is_shown(tmp_path, kind, orie
     path = tmp_path / f"turned.{kind.lower()}"
     path.write_bytes(data)
     image, notes = load_image(path)
-    expected = shown(stored, orientation)
+    expected = turned(stored, orientation)
     assert image.shape == expected.shape
     assert np.abs(image.astype(int) - expected).max() <= (6 if kind == "JPEG" else 0)
     assert any(f"turned upright (EXIF orientation {orientation})" in note for note in notes) == (
@@ -152,13 +154,13 @@ def test_a_recorded_picture_that_exif_turns_is_refused(kind, orientation, decode
 def test_a_picture_of_pillow_that_exif_turns_is_refused(kind, orientation):
     """The result would not carry the note, so what shows it would turn it no more."""
     data, stored = turned_file(kind, orientation)
-    opened = Image.open(io.BytesIO(data))
+    image = Image.open(io.BytesIO(data))
     plan = hj.Marks(number=1, mark_size=5).plan(hj.Scene(stored.shape[:2]), seed=1)
     if orientation == 1:
-        assert hj.apply(plan, opened).size == opened.size
+        assert hj.apply(plan, image).size == image.size
         return
     with pytest.raises(ImageError, match=rf"EXIF orientation {orientation}.*exif_transpose"):
-        hj.apply(plan, opened)
+        hj.apply(plan, image)
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -175,10 +177,10 @@ def test_damaged_files_are_ours_to_refuse(kind):
     Image.fromarray(np.random.default_rng(0).integers(0, 256, (20, 30, 3), np.uint8)).save(
         buffer, kind
     )
-    whole, rng = buffer.getvalue(), np.random.default_rng(1)
+    whole_bytes, rng = buffer.getvalue(), np.random.default_rng(1)
     names = set()
     for _ in range(400):
-        data = bytearray(whole)
+        data = bytearray(whole_bytes)
         for _ in range(rng.integers(1, 5)):
             data[rng.integers(0, min(len(data), 300))] = rng.integers(0, 256)
         cut = len(data) if rng.random() < 0.7 else int(rng.integers(0, len(data)))

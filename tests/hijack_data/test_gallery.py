@@ -158,8 +158,8 @@ def test_what_cannot_be_shown_is_a_problem_that_says_why(tmp_path: Path) -> None
 
 
 def test_a_plan_that_paints_and_acts_is_a_tile(screens: list[Path]) -> None:
-    both = hj.Sequence([hj.Marks(number=3), hj.Verification()])
-    page = gallery(screens[:1], planners={"both": both}, detect="none")
+    sequence = hj.Sequence([hj.Marks(number=3), hj.Verification()])
+    page = gallery(screens[:1], planners={"both": sequence}, detect="none")
     read = Reader(page.html)
     assert len(read.all("img")) == 1
     assert [effect.kind for effect in read.plans[0].effects] == ["lock"]
@@ -232,14 +232,14 @@ def remade(call: str, scene: hj.Scene) -> hj.Plan:
     assert isinstance(tree, ast.Call)
     assert isinstance(tree.func, ast.Attribute)
     values = {k.arg: ast.literal_eval(k.value) for k in tree.keywords}
-    return built(tree.func.value).plan(scene, **values)
+    return evaluate(tree.func.value).plan(scene, **values)
 
 
-def built(node: ast.expr) -> Any:
+def evaluate(node: ast.expr) -> Any:
     assert isinstance(node, ast.Call)
     if ast.unparse(node.func) == "hj.Sequence":
         assert isinstance(node.args[0], ast.List)
-        return hj.Sequence([built(part) for part in node.args[0].elts])
+        return hj.Sequence([evaluate(part) for part in node.args[0].elts])
     assert ast.unparse(node.func) == "hj.make_corruption"
     return hj.make_corruption(
         ast.literal_eval(node.args[0]),
@@ -336,10 +336,10 @@ def test_painted_follows_a_resize_and_is_empty_for_one_alone() -> None:
     scene = hj.Scene((400, 640))
     assert painted(hj.Resolution().plan(scene, seed=0)) == []
     first = hj.Resolution(scale=0.5).plan(scene, seed=0)
-    both = first.then(
+    combined = first.then(
         hj.Plan("x-v1", (200, 320), ops=(hj.plugin.Paste(SPRITE, ((100, 50), (-4, 0))),))
     )
-    assert painted(both) == [[200, 100, 216, 116], [0, 0, 8, 16]]
+    assert painted(combined) == [[200, 100, 216, 116], [0, 0, 8, 16]]
 
 
 SPRITE = {"draw": "mark", "shape": "rectangle", "size": 4, "color": "red"}

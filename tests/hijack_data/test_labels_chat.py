@@ -184,8 +184,8 @@ def test_a_transform_maps_a_conversation_and_keeps_its_target_in_sight():
     labels = {"messages": chat("qwen2.5_vl")}
     half = tr.Resolution(scale=0.5, seed=1, labels=labels)(sample)
     assert half["messages"] == talk(AFTER)
-    place = Labels(labels).find_target(sample, SIZE)
-    assert [round(n) for n in place.target] == [1000, 500]
+    target = Labels(labels).find_target(sample, SIZE)
+    assert [round(n) for n in target.target] == [1000, 500]
 
 
 @pytest.mark.parametrize(

@@ -156,10 +156,16 @@ def test_entries_inside_others():
         "a.b": (100, 50),
     }
     labels = {"objects.bbox": "coco", "annotations.box": "xyxy", "a.b": "xy"}
-    moved = follow({**labels, "objects.category": "leave"}, **sample)
-    assert moved["objects"] == {"bbox": [[50, 100, 15, 20], [1, 2, 3, 4]], "category": [1, 2]}
-    assert moved["annotations"] == [{"box": [50, 100, 65, 120], "name": "ok"}, {"name": "no box"}]
-    assert moved["a.b"] == (50, 25)
+    labels_after = follow({**labels, "objects.category": "leave"}, **sample)
+    assert labels_after["objects"] == {
+        "bbox": [[50, 100, 15, 20], [1, 2, 3, 4]],
+        "category": [1, 2],
+    }
+    assert labels_after["annotations"] == [
+        {"box": [50, 100, 65, 120], "name": "ok"},
+        {"name": "no box"},
+    ]
+    assert labels_after["a.b"] == (50, 25)
     assert sample["objects"]["bbox"][0] == [100, 200, 30, 40]
     assert sample["annotations"][0]["box"] == [100, 200, 130, 240]
 
@@ -285,8 +291,8 @@ def test_formats_say_where_they_point(case):
         ("cxcywh", [(x1 + x2) / 2, (y1 + y2) / 2, float(x2 - x1), float(y2 - y1)]),
         ("xyxy01", [x1 / width, y1 / height, x2 / width, y2 / height]),
     ):
-        (place,) = FORMATS[form].locate(value, size)
-        assert place.target == pytest.approx((x1, y1, x2, y2))
+        (point,) = FORMATS[form].locate(value, size)
+        assert point.target == pytest.approx((x1, y1, x2, y2))
     for form, value in (
         ("xy", (x, y)),
         ("yx", (y, x)),
@@ -294,5 +300,5 @@ def test_formats_say_where_they_point(case):
         ("anthropic", {"action": "left_click", "coordinate": [x, y]}),
         ("anthropic", json.dumps({"action": "left_click", "coordinate": [x, y]})),
     ):
-        (place,) = FORMATS[form].locate(value, size)
-        assert place.target == (x, y)
+        (point,) = FORMATS[form].locate(value, size)
+        assert point.target == (x, y)

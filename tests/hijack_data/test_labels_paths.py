@@ -44,5 +44,5 @@ def test_together_as_alone(name, data):
         return
     mapped = [part["box"] for part in map_at_path("objects.box", form, entry, ["box"], MOVE)]
     assert repr(mapped) == repr(expected)  # also int or float, list or tuple
-    places = [place for value in values if value is not None for place in form.locate(value, SIZE)]
+    places = [point for value in values if value is not None for point in form.locate(value, SIZE)]
     assert locate_at_path("objects.box", form, entry, ["box"], SIZE) == places

@@ -148,8 +148,8 @@ def test_one_error_declares_all_entries_together():
         "noted": "leave",
     }
     assert {path: labels[path] for path in expected} == expected
-    left = dict.fromkeys(labels, "leave")
-    assert half(TELLING, labels=left)["bbox"] == TELLING["bbox"]
+    declarations = dict.fromkeys(labels, "leave")
+    assert half(TELLING, labels=declarations)["bbox"] == TELLING["bbox"]
 
 
 @pytest.mark.parametrize(
@@ -187,8 +187,8 @@ def test_items_beside_the_picture_in_a_tuple_are_declared_by_their_number():
     item = torch.tensor([[10, 20, 30, 40]])
     with pytest.raises(LabelError, match="'item 1': 'xyxy'"):
         tr.Resolution(scale=0.5, id_from="content")((tensor(), item))
-    declared = tr.Resolution(scale=0.5, id_from="content", labels={"item 1": "xyxy"})
-    assert declared((tensor(), item))[1].tolist() == [[5, 10, 15, 20]]
+    transform = tr.Resolution(scale=0.5, id_from="content", labels={"item 1": "xyxy"})
+    assert transform((tensor(), item))[1].tolist() == [[5, 10, 15, 20]]
     image, entries = tr.Resolution(scale=0.5, labels={"bbox": "xywh"})(
         (tensor(), {"id": 1, "bbox": [10, 20, 30, 40]})
     )
@@ -378,14 +378,16 @@ def test_declared_labels_are_targets():
     ):
         out = tr.Marks(labels=labels, **marks)({"image": tensor(), "id": 1, **entries})
         assert out["target_visible"] == target_visible(out["plan"], (150, 80, 230, 140)) == 1
-    both = {"bbox": "xyxy", "click": "xy"}
+    box_and_click = {"bbox": "xyxy", "click": "xy"}
     entries = {"bbox": [150, 80, 230, 140], "click": (30, 30)}
     with pytest.raises(LabelError, match="bbox and click could be it; say which: target='bbox'"):
-        tr.Marks(labels=both, **marks)({"image": tensor(), "id": 1, **entries})
-    out = tr.Marks(labels=both, target="click", **marks)({"image": tensor(), "id": 1, **entries})
+        tr.Marks(labels=box_and_click, **marks)({"image": tensor(), "id": 1, **entries})
+    out = tr.Marks(labels=box_and_click, target="click", **marks)(
+        {"image": tensor(), "id": 1, **entries}
+    )
     assert out["target_visible"] == target_visible(out["plan"], (30, 30)) == 1
     with pytest.raises(ParameterError, match="target='box' is not among the labels"):
-        tr.Marks(labels=both, target="box")
+        tr.Marks(labels=box_and_click, target="box")
 
 
 def test_to_avoid_nothing_is_an_error_where_something_could_be_meant():
@@ -477,11 +479,11 @@ def test_labels_in_bfloat16_follow():
         torch.tensor([[100, 20, 130, 40]], dtype=torch.bfloat16),
         np.asarray([[100, 20, 130, 40]], pytest.importorskip("ml_dtypes").bfloat16),
     ):
-        moved = half({"bbox": value}, labels={"bbox": "xyxy"})["bbox"]
-        assert (moved.dtype, moved.tolist()) == (value.dtype, [[50, 10, 65, 20]])
+        box_after = half({"bbox": value}, labels={"bbox": "xyxy"})["bbox"]
+        assert (box_after.dtype, box_after.tolist()) == (value.dtype, [[50, 10, 65, 20]])
     points = torch.tensor([[100, 20]], dtype=torch.bfloat16)
-    moved = half({"kp": tv_tensors.KeyPoints(points, canvas_size=SIZE)})["kp"]
-    assert (moved.dtype, moved.tolist()) == (torch.bfloat16, [[50, 10]])
+    box_after = half({"kp": tv_tensors.KeyPoints(points, canvas_size=SIZE)})["kp"]
+    assert (box_after.dtype, box_after.tolist()) == (torch.bfloat16, [[50, 10]])
 
 
 def test_a_transform_with_labels_goes_to_workers_that_are_spawned():
@@ -520,8 +522,8 @@ def test_the_targets_of_torchvisions_detection_models():
 
 
 def test_boxes_that_are_left_stay_and_a_wrong_declaration_is_an_error():
-    left = half({"box": boxes()}, labels={"box": "leave"})["box"]
-    assert (left.tolist(), left.canvas_size) == ([[100, 20, 130, 40]], SIZE)
+    boxes_after = half({"box": boxes()}, labels={"box": "leave"})["box"]
+    assert (boxes_after.tolist(), boxes_after.canvas_size) == ([[100, 20, 130, 40]], SIZE)
     with pytest.raises(LabelError, match=r"'box' is a BoundingBoxes of format XYWH.*'xyxy'"):
         half({"box": boxes("XYWH")}, labels={"box": "xyxy"})
 

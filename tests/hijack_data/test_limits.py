@@ -79,13 +79,13 @@ def test_whatever_resolution_allows_is_allowed(height, width, scale, restore):
 @pytest.mark.parametrize("size", [(4320, 7680), (7680, 4320), (2160, 15360)])
 def test_the_largest_screens_are_within_the_limits(size):
     screen = hj.Scene(size)
-    whole = hj.PopUps(width=100_000, height=100_000)
-    for spec in (whole, hj.Marks(mark_size=4096, number=1), hj.Resolution(scale=2)):
+    corruption = hj.PopUps(width=100_000, height=100_000)
+    for spec in (corruption, hj.Marks(mark_size=4096, number=1), hj.Resolution(scale=2)):
         plan = spec.plan(screen, seed=1)
         again = Plan.from_json(plan.to_json())
         assert again == plan
     assert size[0] * size[1] < limits.SPRITE_PIXELS
-    assert render(whole.plan(screen, seed=1).ops[0].sprite).size == size
+    assert render(corruption.plan(screen, seed=1).ops[0].sprite).size == size
 
 
 # --- recipes
@@ -215,14 +215,14 @@ def test_a_sprite_keeps_no_more_than_it_says_whatever_pictures_it_met(recipe, mo
     from hijack_data.drawing import raster
 
     monkeypatch.setattr(raster, "_cache", raster._Cache(2**24))
-    drawn = render(recipe)
+    sprite = render(recipe)
     for width in range(60, 160):
         image = np.zeros((50, width, 3), np.uint8)
         planar = np.zeros((3, 50, width), np.uint8).transpose(1, 2, 0)
         strided = np.zeros((50, 2 * width, 3), np.uint8)[:, ::2]
         for target in (image, planar, strided):
             cpu.paste(target, lower(Paste(recipe, ((2, 3),)), target.shape[:2]))
-    assert drawn.fingerprint
-    assert drawn.opaque or drawn.paint.size
-    assert kept_by(drawn) <= drawn.footprint
-    assert raster._cache.used == drawn.footprint
+    assert sprite.fingerprint
+    assert sprite.opaque or sprite.paint.size
+    assert kept_by(sprite) <= sprite.footprint
+    assert raster._cache.used == sprite.footprint

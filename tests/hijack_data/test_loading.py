@@ -26,8 +26,8 @@ NAME = 'name: ClassVar[str] = "{}"'
 
 def run(*words, code=0, env=None, cwd=ROOT):
     command = [*lean.HIJACK, *map(str, words)]
-    kept = {key: value for key, value in os.environ.items() if key != loading.VARIABLE}
-    env = {**kept, **(env or {})}
+    environment = {key: value for key, value in os.environ.items() if key != loading.VARIABLE}
+    env = {**environment, **(env or {})}
     process = subprocess.run(command, capture_output=True, text=True, cwd=cwd, env=env, timeout=300)
     assert process.returncode == code, (process.returncode, process.stdout, process.stderr)
     assert "Traceback" not in process.stderr
@@ -156,11 +156,11 @@ def test_the_bytes_that_run_are_those_that_are_hashed(fresh):
     """Not those of a cache that Python keeps by time and length."""
     file = write(fresh, "cached", code="x = 111")
     stat = file.stat()
-    sys.dont_write_bytecode, kept = False, sys.dont_write_bytecode
+    sys.dont_write_bytecode, previous_flag = False, sys.dont_write_bytecode
     try:
         subprocess.run([sys.executable, "-m", "compileall", "-q", str(file)], check=True)
     finally:
-        sys.dont_write_bytecode = kept
+        sys.dont_write_bytecode = previous_flag
     write(fresh, "cached", code="x = 222")
     os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
     loading.load_file(file)
@@ -200,12 +200,12 @@ SCENE = hj.Scene((540, 960))
 
 def plan_elsewhere(spec, **env):
     """The digest in a process that knows nothing of the file but what the pickle says."""
-    kept = {key: value for key, value in os.environ.items() if key != loading.VARIABLE}
+    environment = {key: value for key, value in os.environ.items() if key != loading.VARIABLE}
     process = subprocess.run(
         [sys.executable, "-c", CHILD],
         input=pickle.dumps((spec, SCENE)),
         capture_output=True,
-        env={**kept, "PYTHONPATH": str(ROOT), **env},
+        env={**environment, "PYTHONPATH": str(ROOT), **env},
         timeout=60,
     )
     return process.stdout.decode().strip() or process.stderr.decode().splitlines()[-1]

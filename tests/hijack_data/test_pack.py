@@ -83,10 +83,10 @@ def test_the_digest_names_what_is_in_it_and_not_where(folder: Path, tmp_path: Pa
     digest = AssetPack.load(folder).digest
     shutil.copytree(folder, tmp_path / "copy")
     assert AssetPack.load(tmp_path / "copy").digest == digest
-    thing = {"name": "x", "role": "y", "box": [0, 0, 1, 1]}
+    target = {"name": "x", "role": "y", "box": [0, 0, 1, 1]}
     for change in (
         {"sha256": "0" * 64},
-        {"targets": [thing]},
+        {"targets": [target]},
         {"recover": {"type": "wait"}},
         {"app": "x"},
     ):

@@ -172,10 +172,10 @@ def test_joining_plans():
     small, marks = hj.Resolution().plan(screen, seed=1), hj.Marks(number=3).plan(screen, seed=1)
     with pytest.raises(PlanError, match="cannot join"):
         small.then(marks)
-    both = marks.then(small)
-    assert both.corruption == "marks-v1+resolution-v2"
-    assert set(both.params) == {"marks-v1", "resolution-v2"}
-    assert both.out_size == (200, 300)
+    combined = marks.then(small)
+    assert combined.corruption == "marks-v1+resolution-v2"
+    assert set(combined.params) == {"marks-v1", "resolution-v2"}
+    assert combined.out_size == (200, 300)
     clean = Plan.clean((400, 600))
     assert clean.then(marks) == marks == marks.then(clean)
 

@@ -69,9 +69,9 @@ def test_what_holds_without_parts():
 
 
 def test_a_combinator_has_the_effects_of_its_parts_once():
-    both = hj.OneOf([hj.NetworkError(), hj.Sequence([hj.Verification(), hj.NetworkError()])])
-    assert both.effects == ("firewall", "lock")
-    assert uses_elements(both)
+    sequence = hj.OneOf([hj.NetworkError(), hj.Sequence([hj.Verification(), hj.NetworkError()])])
+    assert sequence.effects == ("firewall", "lock")
+    assert uses_elements(sequence)
     assert hj.Schedule(lambda epoch: hj.Verification() if epoch == 0 else hj.Marks()).effects == (
         "lock",
     )

@@ -40,18 +40,18 @@ LETTERS = st.text(
 @settings(max_examples=200, deadline=None)
 @given(LETTERS, st.sampled_from(sorted(p.stem for p in FONTS.glob("*.ttf"))), st.integers(1, 120))
 def test_widths_are_those_of_freetype(line, font, size):
-    loaded = load_font(font, size)
-    assert line_width(line, loaded) == loaded.getlength(line)
+    loaded_font = load_font(font, size)
+    assert line_width(line, loaded_font) == loaded_font.getlength(line)
 
 
 @settings(max_examples=300, deadline=None)
 @given(LETTERS, st.sampled_from(sorted(p.stem for p in FONTS.glob("*.ttf"))), st.integers(1, 60))
 def test_lines_of_remembered_letters_are_those_that_pillow_draws(line, font, size):
     mask, (left, top) = line_masks.line_mask(line, font, size)
-    loaded, at = load_font(font, size), (70, 70)
-    image = Image.new("L", (math.ceil(loaded.getlength(line)) + 200, 300))
+    loaded_font, at = load_font(font, size), (70, 70)
+    image = Image.new("L", (math.ceil(loaded_font.getlength(line)) + 200, 300))
     expected = np.array(image)
-    ImageDraw.Draw(image).text(at, line, fill=255, font=loaded)
+    ImageDraw.Draw(image).text(at, line, fill=255, font=loaded_font)
     h, w = mask.shape
     expected[at[1] + top : at[1] + top + h, at[0] + left : at[0] + left + w] = mask
     assert np.array_equal(expected, np.array(image))
@@ -216,28 +216,28 @@ def test_safety_is_that_of_whole_masks(data):
     before = rng.integers(0, 2, (h, w, 3), dtype=np.uint8) * 200
     after = hj.apply(plan, before)
 
-    mask, moved = (
+    mask, moved_mask = (
         safety.hidden(plan),
         plan.coords.boxes_to_observation(safety.clip_boxes(boxes.astype(np.int32), (h, w))),
     )
     expected = []
     for box, (x1, y1, x2, y2) in zip(
-        boxes.clip(0, [w, h, w, h]).tolist(), moved.tolist(), strict=True
+        boxes.clip(0, [w, h, w, h]).tolist(), moved_mask.tolist(), strict=True
     ):
         empty = box[2] <= box[0] or box[3] <= box[1] or mask[y1:y2, x1:x2].size == 0
         expected.append(0.0 if empty else 1.0 - float(mask[y1:y2, x1:x2].mean()))
-    changed = (
+    changed_mask = (
         int((before != after).any(-1).sum()) if after.shape == before.shape else after[..., 0].size
     )
     result = hj.judge(plan, before, after, target=boxes[0], boxes=boxes)
     assert safety.visible_share(plan, boxes) == pytest.approx(expected, abs=1e-12)
     assert result.target_visible == pytest.approx(expected[0], abs=1e-12)
     assert result.covered == tuple(i for i, share in enumerate(expected) if share < 0.5)
-    assert result.changed_pixels == changed == safety.changed_pixels(before, after)
+    assert result.changed_pixels == changed_mask == safety.changed_pixels(before, after)
     planar = [
         np.ascontiguousarray(a.transpose(2, 0, 1)).transpose(1, 2, 0) for a in (before, after)
     ]
-    assert safety.changed_pixels(*planar, plan) == changed
+    assert safety.changed_pixels(*planar, plan) == changed_mask
 
 
 @settings(max_examples=100, deadline=None)

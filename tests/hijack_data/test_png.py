@@ -27,8 +27,8 @@ def test_pillow_reads_the_same_pixels(monkeypatch, size, isal):
 
 def test_rows_from_the_middle_are_filtered_as_in_the_whole_picture():
     image = np.random.default_rng(1).integers(0, 256, (9, 5, 3), dtype=np.uint8)
-    whole = png.filtered(image, 0, 9)
+    whole_lines = png.filtered(image, 0, 9)
     assert np.array_equal(
-        np.concatenate([png.filtered(image, 0, 4), png.filtered(image, 4, 9)]), whole
+        np.concatenate([png.filtered(image, 0, 4), png.filtered(image, 4, 9)]), whole_lines
     )
-    assert (whole[:, 0] == png.UP).all()
+    assert (whole_lines[:, 0] == png.UP).all()

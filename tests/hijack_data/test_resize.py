@@ -88,9 +88,9 @@ LAYOUTS = {
 @example(seed=0, source=(17, 17), size=(48, 48), contrast=True, layout="channels first", threads=1)
 def test_gives_the_bytes_of_pillow(seed, source, size, contrast, layout, threads):
     image = picture(seed, *source, contrast)
-    given = LAYOUTS[layout](image)
-    np.testing.assert_array_equal(resize.resample(given, size, threads), pillow(image, size))
-    np.testing.assert_array_equal(given, image)
+    strided = LAYOUTS[layout](image)
+    np.testing.assert_array_equal(resize.resample(strided, size, threads), pillow(image, size))
+    np.testing.assert_array_equal(strided, image)
 
 
 @needs_numba
@@ -242,16 +242,16 @@ def test_without_numba(monkeypatch):
 
 
 def test_compiles_without_a_cache_when_no_folder_is_writable():
-    asked = []
+    compilations = []
 
     def njit(signature: str, nogil: bool, cache: bool = False):
-        asked.append((signature, nogil, cache))
+        compilations.append((signature, nogil, cache))
         if cache:
             raise RuntimeError("no locator available")
         return lambda function: function
 
     assert jit.compile_now(njit, pillow, "signature") is pillow
-    assert asked == [("signature", True, True), ("signature", True, False)]
+    assert compilations == [("signature", True, True), ("signature", True, False)]
 
 
 GUARDED = """

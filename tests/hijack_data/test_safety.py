@@ -144,9 +144,9 @@ def test_planning_around_the_target():
         plan = hj.plugin.plan_avoiding(spec, scene, seed=1, sample=i)
         assert plan is None or target_visible(plan, scene.target) == 1.0
         assert plan == hj.plugin.plan_avoiding(spec, scene, seed=1, sample=i)
-    kept = next(i for i, share in enumerate(plain) if share == 1.0)
-    assert hj.plugin.plan_avoiding(spec, scene, seed=1, sample=kept) == spec.plan(
-        scene, seed=1, sample=kept
+    visible_index = next(i for i, share in enumerate(plain) if share == 1.0)
+    assert hj.plugin.plan_avoiding(spec, scene, seed=1, sample=visible_index) == spec.plan(
+        scene, seed=1, sample=visible_index
     )
 
 

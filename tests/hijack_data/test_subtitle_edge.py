@@ -27,8 +27,8 @@ def lines_by_pillow(image: np.ndarray, plan: hj.Plan) -> np.ndarray:
     widths = [math.ceil(font.getlength(line)) for line in recipe["lines"]]
     out = Image.fromarray(image)
     for row, (line, width) in enumerate(zip(recipe["lines"], widths, strict=True)):
-        place = x + (max(widths) - width) // 2, y + row * sum(font.getmetrics())
-        ImageDraw.Draw(out).text(place, line, fill=recipe["color"], font=font)
+        position = x + (max(widths) - width) // 2, y + row * sum(font.getmetrics())
+        ImageDraw.Draw(out).text(position, line, fill=recipe["color"], font=font)
     return np.asarray(out)
 
 

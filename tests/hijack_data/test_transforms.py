@@ -33,7 +33,7 @@ def tensor(shift=0):
     return torch.from_numpy(np.roll(picture(SIZE), shift, 1).copy()).permute(2, 0, 1).contiguous()
 
 
-def some():
+def three_transforms():
     return [
         tr.PopUps(width=200, height=120),
         tr.Marks(number=9, mark_size=8),
@@ -133,7 +133,7 @@ def test_kinds_of_pictures(kind):
         "channels_last": lambda: torch.from_numpy(pixels.copy()).permute(2, 0, 1),
         "sliced": lambda: torch.cat([image, image], 2)[:, :, : SIZE[1]],
     }[kind]()
-    transform = tr.OneOf(some(), seed=3)
+    transform = tr.OneOf(three_transforms(), seed=3)
     if kind == "tuple":
         out, label = transform(result, {"id": "x"})
         assert label == {"id": "x"}
@@ -143,9 +143,9 @@ def test_kinds_of_pictures(kind):
     array = (
         np.asarray(out) if kind in ("pil", "numpy", "read_only") else out.permute(1, 2, 0).numpy()
     )
-    plan = hj.OneOf([o.settings.planner if isinstance(o, tr.Corrupt) else o for o in some()]).plan(
-        hj.Scene(size=SIZE), seed=3, sample="x"
-    )
+    plan = hj.OneOf(
+        [o.settings.planner if isinstance(o, tr.Corrupt) else o for o in three_transforms()]
+    ).plan(hj.Scene(size=SIZE), seed=3, sample="x")
     assert np.array_equal(array, reference(plan, pixels))
 
 
@@ -210,7 +210,7 @@ def test_targets_and_elements_as_bounding_boxes():
 def test_batches_get_a_plan_for_each_picture():
     batch = torch.stack([tensor(i) for i in range(6)])
     ids = [f"r{i}" for i in range(6)]
-    transform = tr.OneOf(some(), seed=3, p_clean=0.2, return_plan=True)
+    transform = tr.OneOf(three_transforms(), seed=3, p_clean=0.2, return_plan=True)
     out = transform({"image": batch, "id": ids, "target": [(9, 9)] * 6, "epoch": 1})
     assert isinstance(out["image"], torch.Tensor)
     assert len(out["target_visible"]) == 6
@@ -257,7 +257,7 @@ def test_batches_whose_sizes_change():
 
 def test_replay():
     sample = {"image": tensor(), "id": "a"}
-    result = tr.OneOf(some(), seed=3, return_plan=True)(sample)
+    result = tr.OneOf(three_transforms(), seed=3, return_plan=True)(sample)
     plan = result["plan"]
     for replay, extra in (
         (tr.Replay(plan), {}),
@@ -285,10 +285,10 @@ def rising(epoch):
 
 def test_combinators_and_configurations():
     sample = {"image": tensor(), "id": "a"}
-    both = tr.Sequence(
+    sequence = tr.Sequence(
         [tr.Resolution(scale=0.5), tr.Marks(number=3, mark_size=4)], seed=3, return_plan=True
     )(sample)
-    assert both["plan"].corruption == "resolution-v2+marks-v1"
+    assert sequence["plan"].corruption == "resolution-v2+marks-v1"
     out = tr.Schedule(rising, return_plan=True)({**sample, "epoch": 4})
     assert len(out["plan"].ops[0].at) == 200
     config = {
@@ -310,8 +310,8 @@ def test_combinators_and_configurations():
 
 
 def test_subtitles_shrink_where_they_do_not_fit():
-    both = tr.Sequence([tr.Resolution(scale=0.5), tr.Subtitle()], return_plan=True)
-    assert any("shrunk" in note for note in both({"image": tensor(), "id": 1})["plan"].notes)
+    sequence = tr.Sequence([tr.Resolution(scale=0.5), tr.Subtitle()], return_plan=True)
+    assert any("shrunk" in note for note in sequence({"image": tensor(), "id": 1})["plan"].notes)
     with pytest.raises(ParameterError, match="fit='shrink'"):
         tr.Subtitle(fit="error")({"image": tensor(), "id": 1})
 
@@ -327,7 +327,9 @@ def test_a_transform_that_does_not_exist_says_why():
 
 
 def test_in_a_pipeline():
-    pipeline = v2.Compose([tr.OneOf(some(), seed=3), v2.ToDtype(torch.float32, scale=True)])
+    pipeline = v2.Compose(
+        [tr.OneOf(three_transforms(), seed=3), v2.ToDtype(torch.float32, scale=True)]
+    )
     out = pipeline({"image": tv_tensors.Image(tensor()), "id": "a"})
     assert out["image"].dtype == torch.float32
     again = pickle.loads(pickle.dumps(pipeline))

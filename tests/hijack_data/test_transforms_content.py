@@ -15,9 +15,9 @@ SIZE = (33, 47)
 
 @pytest.mark.parametrize("row", range(SIZE[0]))
 def test_pictures_that_differ_in_one_byte_of_any_row_have_other_ids(row):
-    changed = picture(SIZE)
-    changed[row, row % SIZE[1], row % 3] ^= 1
-    assert content(changed) != content(picture(SIZE))
+    changed_picture = picture(SIZE)
+    changed_picture[row, row % SIZE[1], row % 3] ^= 1
+    assert content(changed_picture) != content(picture(SIZE))
 
 
 def test_pictures_of_the_same_bytes_and_another_shape_have_other_ids():

@@ -41,7 +41,7 @@ def augmentation():
     return tr.OneOf(options, seed=3, p_clean=0.2, return_plan=True)
 
 
-def seen(transform=None, **options):
+def load_samples(transform=None, **options):
     """What a loader yields: `{id: (plan, picture)}` as digests."""
     entries = {}
     for batch in DataLoader(Rows(transform or augmentation()), batch_size=3, **options):
@@ -52,7 +52,7 @@ def seen(transform=None, **options):
 
 @pytest.fixture(scope="module")
 def alone():
-    return seen()
+    return load_samples()
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
@@ -61,13 +61,13 @@ def alone():
 def test_forked_workers(alone, workers):
     if "fork" not in multiprocessing.get_all_start_methods():
         pytest.skip("this system cannot fork")
-    assert seen(num_workers=workers, multiprocessing_context="fork", shuffle=True) == alone
+    assert load_samples(num_workers=workers, multiprocessing_context="fork", shuffle=True) == alone
     assert len({plan for plan, _ in alone.values()}) > 6
 
 
 @pytest.mark.filterwarnings("ignore:This DataLoader will create")
 def test_spawned_workers(alone):
-    assert seen(num_workers=1, multiprocessing_context="spawn", shuffle=True) == alone
+    assert load_samples(num_workers=1, multiprocessing_context="spawn", shuffle=True) == alone
 
 
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning", "ignore:.*fork.*:RuntimeWarning")
@@ -102,7 +102,7 @@ def test_a_saved_epoch_is_replayed():
         for batch in DataLoader(Rows(augmentation()))
         for key, plan in _pairs(batch)
     }
-    assert seen(tr.Replay(plans, return_plan=True)) == seen()
+    assert load_samples(tr.Replay(plans, return_plan=True)) == load_samples()
 
 
 def _pairs(batch):

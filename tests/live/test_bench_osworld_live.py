@@ -15,7 +15,7 @@ READ = {"type": "vm_command_line", "shell": True}
 YES = {"type": "rule", "rules": {"expected": "yes\n"}}
 
 
-def put(folder: Path, name: str, **more: Any) -> Path:
+def write_task(folder: Path, name: str, **more: Any) -> Path:
     path = folder / "os" / f"{name}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     content = {"id": name, "instruction": "x", "related_apps": ["os"], "config": [], **more}
@@ -38,15 +38,17 @@ def records(embedded_machine: None, tmp_path_factory: pytest.TempPathFactory):
         "    def predict(self, instruction, obs):\n"
         "        return '', ['FAIL' if 'impossible' in instruction else 'DONE']\n"
     )
-    put(folder, "t-infeasible", instruction="the impossible", evaluator={"func": "infeasible"})
-    put(folder, "t-unsolved", evaluator=judged_by("echo no"))
-    put(
+    write_task(
+        folder, "t-infeasible", instruction="the impossible", evaluator={"func": "infeasible"}
+    )
+    write_task(folder, "t-unsolved", evaluator=judged_by("echo no"))
+    write_task(
         folder,
         "t-solved",
         evaluator=judged_by("test -e /tmp/made && echo yes"),
         config=[{"type": "execute", "parameters": {"command": "touch /tmp/made", "shell": "true"}}],
     )
-    put(
+    write_task(
         folder,
         "t-broken",
         evaluator=judged_by("echo yes"),

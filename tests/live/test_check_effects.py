@@ -190,8 +190,8 @@ def test_without_a_desktop_it_says_what_was_not_checked(registered, monkeypatch)
         raise DesktopError("root: you are not; sudo hijack")
 
     monkeypatch.setattr(checking, "starter", none)
-    declared, output = checking.check("note", {}, with_desktop=True)
-    assert declared.ok
+    declarations, output = checking.check("note", {}, with_desktop=True)
+    assert declarations.ok
     assert (
         output
         == "apply, probe and undo: no desktop on this machine: root: you are not; sudo hijack"

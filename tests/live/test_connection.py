@@ -49,10 +49,12 @@ def test_a_request_that_may_leave_from_one_address_only_never_leaves_from_anothe
     connection = GuestConnection(url, "secret", 5, source="127.0.0.9")
     assert connection.ask("GET", "/full").body == b"full"
     connection.close()
-    gone = GuestConnection(url, "secret", 5, source="10.199.63.253")  # no cable of ours is that old
+    late_connection = GuestConnection(
+        url, "secret", 5, source="10.199.63.253"
+    )  # no cable of ours is that old
     with pytest.raises(GuestError, match="failed"):
-        gone.ask("GET", "/full")
-    gone.close()
+        late_connection.ask("GET", "/full")
+    late_connection.close()
 
 
 class Posts(Handler):

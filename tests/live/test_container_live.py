@@ -123,8 +123,10 @@ def test_a_reset_is_pristine_or_refused(desktop):
     desktop.execute("touch ~/note /tmp/note /var/tmp/note /dev/shm/note; (sleep 600 &)")
     desktop.execute("echo password | sudo -S true")
     desktop.reset()
-    left = desktop.execute("ls ~/note /tmp/note /var/tmp/note /dev/shm/note; pgrep sleep").output
-    assert left == ""
+    remaining_files = desktop.execute(
+        "ls ~/note /tmp/note /var/tmp/note /dev/shm/note; pgrep sleep"
+    ).output
+    assert remaining_files == ""
     assert "mousepad" in desktop.execute("wmctrl -lx").output
     desktop.execute("echo password | sudo -S touch /usr/share/note")
     with pytest.raises(DesktopError, match=r"changed .*/usr/share/note.*start a fresh container"):

@@ -55,14 +55,14 @@ def corrupt(desktop, tmp_path):
     return run
 
 
-def shown(desktop):
+def window_titles(desktop):
     return [w["title"] for w in windows(desktop) if w["mapped"] and w["type"] == "normal"]
 
 
 def with_editor(desktop):
-    if not shown(desktop):
+    if not window_titles(desktop):
         launch(desktop, "mousepad")
-        wait(lambda: shown(desktop))
+        wait(lambda: window_titles(desktop))
         wait(lambda: "push-button" in desktop.accessibility())
 
 
@@ -71,7 +71,7 @@ def recorded(desktop):
 
 
 def test_a_corruption_of_the_picture_is_saved_and_leaves_the_machine(desktop, corrupt, tmp_path):
-    before = shown(desktop)
+    before = window_titles(desktop)
     result = corrupt("resolution")
     assert result.returncode == 0, result.stderr
     assert "960x540 of the screen's 1920x1080" in result.stdout
@@ -83,13 +83,13 @@ def test_a_corruption_of_the_picture_is_saved_and_leaves_the_machine(desktop, co
     scene = hj.Scene(desktop.size)
     assert output["digest"] == hj.Marks(number=3).plan(scene, seed=5, sample="by hand").digest()
     assert (np.all(load_image(tmp_path / "m.png")[0] == (255, 0, 0), -1)).sum() > 100
-    assert (shown(desktop), recorded(desktop)) == (before, [])
+    assert (window_titles(desktop), recorded(desktop)) == (before, [])
     refused = corrupt("--undo", "marks")
     assert (refused.returncode, "nothing to undo" in refused.stderr) == (2, True)
 
 
 def test_windows_vanish_and_come_back_from_another_process(desktop, corrupt, tmp_path):
-    before = shown(desktop)
+    before = window_titles(desktop)
     result = corrupt("app_minimization", "-o", "seen.png")
     assert result.returncode == 0, result.stderr
     assert (
@@ -98,13 +98,13 @@ def test_windows_vanish_and_come_back_from_another_process(desktop, corrupt, tmp
     )
     assert f"hijack desktop corrupt --undo app_minimization --on {desktop.id}" in result.stdout
     assert load_image(tmp_path / "seen.png")[0].shape == (1080, 1920, 3)
-    assert (shown(desktop), recorded(desktop)) == ([], ["app_minimization"])
+    assert (window_titles(desktop), recorded(desktop)) == ([], ["app_minimization"])
     undone = corrupt("--undo")
     assert (undone.returncode, undone.stdout) == (
         0,
         f"app_minimization on {desktop.id}: {len(before)} windows are back\n",
     )
-    assert (shown(desktop), recorded(desktop)) == (before, [])
+    assert (window_titles(desktop), recorded(desktop)) == (before, [])
 
 
 def test_applied_twice_is_refused_while_it_holds(desktop, corrupt):

@@ -175,10 +175,10 @@ def ask(page):
 def test_a_page_that_is_closed_is_not_told_of(page, monkeypatch, capfd, error, told):
     """Whoever closes the tab hangs up in the middle of a picture; a mistake of ours is told all the
     same."""
-    closed, answered = threading.Event(), threading.Event()
+    stream_closed, answered = threading.Event(), threading.Event()
 
     def frame(seen):
-        assert closed.wait(60)
+        assert stream_closed.wait(60)
         if error is not None:
             raise error
         return "1", bytes(64 << 20)
@@ -195,7 +195,7 @@ def test_a_page_that_is_closed_is_not_told_of(page, monkeypatch, capfd, error, t
     # hangs up at once
     link.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
     link.close()
-    closed.set()
+    stream_closed.set()
     assert answered.wait(60)
     assert ("Traceback" in capfd.readouterr().err) is told
     assert Path(page.record["token_file"]).exists()

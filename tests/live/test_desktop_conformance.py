@@ -121,10 +121,10 @@ def test_screenshots_are_rgb_arrays_of_ones_own(desktop: Any) -> None:
     picture = desktop.screenshot()
     assert (picture.shape, picture.dtype) == ((*SIZE, 3), np.uint8)
     assert len(np.unique(picture[:500].reshape(-1, 3), axis=0)) > 1000, "no wallpaper"
-    kept = picture.copy()
+    snapshot = picture.copy()
     desktop.run("pyautogui.moveTo(5, 300)")
     desktop.screenshot()
-    assert (picture == kept).all(), "a later screenshot changes an earlier one"
+    assert (picture == snapshot).all(), "a later screenshot changes an earlier one"
 
 
 def test_the_pointer_is_drawn_where_it_is(desktop: Any) -> None:
@@ -133,8 +133,8 @@ def test_the_pointer_is_drawn_where_it_is(desktop: Any) -> None:
     for x, y in spots:
         assert desktop.run(f"pyautogui.moveTo({x}, {y})").ok
         pictures.append(desktop.screenshot()[:540])  # without the panel's clock
-    changed = np.argwhere((pictures[0] != pictures[1]).any(axis=2))
-    near = [(abs(changed - (y, x)) < 40).all(axis=1) for x, y in spots]
+    changed_pixels = np.argwhere((pictures[0] != pictures[1]).any(axis=2))
+    near = [(abs(changed_pixels - (y, x)) < 40).all(axis=1) for x, y in spots]
     assert near[0].any()
     assert near[1].any()
     assert (near[0] | near[1]).all()
@@ -194,8 +194,8 @@ def test_what_goes_on_in_the_background_holds_nobody_up(desktop: Any) -> None:
 
 
 def test_big_output_arrives_or_is_cut_with_a_note(desktop: Any) -> None:
-    whole = desktop.execute(["/usr/bin/python3", "-c", "print('é' * 500_000)"])
-    assert whole.output == "é" * 500_000 + "\n"
+    result = desktop.execute(["/usr/bin/python3", "-c", "print('é' * 500_000)"])
+    assert result.output == "é" * 500_000 + "\n"
     cut = desktop.execute("head -c 30000000 /dev/zero | tr '\\0' x; echo late >&2")
     assert cut.ok
     assert cut.error == "late\n"

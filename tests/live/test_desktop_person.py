@@ -30,8 +30,8 @@ def windows(desktop) -> str:
     ("name", "window"), [("png", "ristretto"), ("pdf", "evince"), ("zip", "xarchiver")]
 )
 def test_a_file_opens_in_its_application(files, name, window):
-    opened = files.execute(f"xdg-open /tmp/shown.{name}")
-    assert opened.ok, opened.error
+    result = files.execute(f"xdg-open /tmp/shown.{name}")
+    assert result.ok, result.error
     until(lambda: window in windows(files).lower())
     files.execute(f"wmctrl -xc {window}")
 

@@ -49,8 +49,8 @@ def test_an_agent_a_task_and_a_corruption_of_files(embedded_machine, tmp_path):
     (tmp_path / "agent.py").write_text(AGENT)
     (tmp_path / "task.py").write_text(TASK)
     command = [sys.executable, "-m", "hijack_data.cli", "--load", QUIET, "bench", "embedded_small"]
-    chosen = ["--agent", f"{tmp_path}/agent.py:Mine", "--tasks", f"{tmp_path}/task.py:SayHello"]
-    words = [*chosen, "--corruptions", "clean,quiet_hours", "--out", tmp_path / "run"]
+    options = ["--agent", f"{tmp_path}/agent.py:Mine", "--tasks", f"{tmp_path}/task.py:SayHello"]
+    words = [*options, "--corruptions", "clean,quiet_hours", "--out", tmp_path / "run"]
     process = subprocess.run(
         [str(word) for word in [*command, *words]], capture_output=True, text=True, timeout=400
     )

@@ -83,9 +83,9 @@ def test_desktop_of_a_killed_controller_goes_on_and_goes_down(leaves_nothing, co
         desktop = EmbeddedDesktop.attach(name)
         assert not reach(desktop)
         for record in records:  # another process proves and undoes what the dead one did
-            left = resume(record, desktop)
-            assert left.probe().ok
-            assert left.undo().ok
+            remaining_effects = resume(record, desktop)
+            assert remaining_effects.probe().ok
+            assert remaining_effects.undo().ok
         assert reach(desktop)
         perform(Effect("lock"), desktop)
         perform(Effect("firewall"), desktop)

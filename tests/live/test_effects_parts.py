@@ -74,9 +74,9 @@ def test_every_effect_that_a_corruption_plans_can_be_performed():
         for name in hj.corruption_names()
         for step in (-1, 0, 3)
     ]
-    planned = {effect.kind for plan in plans for effect in plan.effects}
-    assert planned == {"launch_app", "touch", "minimise", "firewall", "lock"} <= set(kinds())
-    assert all(find(kind).needs <= CAPABILITIES for kind in planned)
+    planned_kinds = {effect.kind for plan in plans for effect in plan.effects}
+    assert planned_kinds == {"launch_app", "touch", "minimise", "firewall", "lock"} <= set(kinds())
+    assert all(find(kind).needs <= CAPABILITIES for kind in planned_kinds)
 
 
 def test_unknown_kind_gets_a_suggestion():
@@ -232,9 +232,9 @@ def test_tools_that_fail_in_the_guest_say_why():
 
 
 def test_namespace_that_is_gone(tmp_path):
-    gone = SimpleNamespace(namespace=tmp_path / "none")
+    missing_desktop = SimpleNamespace(namespace=tmp_path / "none")
     with pytest.raises(DesktopError, match="is gone"):
-        Guest(gone, "", None).root("true")
+        Guest(missing_desktop, "", None).root("true")
 
 
 LOOK = """import json, os, sys
@@ -251,9 +251,9 @@ def test_tools_run_apart_from_all_that_is_the_users(tmp_path):
         / "site-packages"
     )
     packages.mkdir(parents=True)
-    for place in (tmp_path, packages):
+    for parent in (tmp_path, packages):
         for name in ("json", "sitecustomize", "usercustomize"):
-            (place / f"{name}.py").write_text("print('forged'); raise SystemExit(0)")
+            (parent / f"{name}.py").write_text("print('forged'); raise SystemExit(0)")
     for name in ("python3", "env"):
         (tmp_path / name).write_text("#!/bin/sh\necho forged\n")
         (tmp_path / name).chmod(0o755)
@@ -324,12 +324,12 @@ def test_rules_count_what_they_drop_and_go_without_a_trace(tool):
     {listing}"""
     result = in_namespace(script)
     assert result.returncode == 0, result.stderr
-    _, counted, left = result.stdout.split("@")
-    assert firewall_rules.dropped(counted) == 1, (
+    _, counter_text, remaining_text = result.stdout.split("@")
+    assert firewall_rules.dropped(counter_text) == 1, (
         "only what is for neither loopback nor the host is dropped"
     )
-    assert "agenthijack" not in left.lower()
-    assert "other" in left.lower(), "rules of others must stay"
+    assert "agenthijack" not in remaining_text.lower()
+    assert "other" in remaining_text.lower(), "rules of others must stay"
 
 
 @given(st.lists(st.integers(0, 10**6), max_size=4))
@@ -389,9 +389,11 @@ def test_reach_tells_what_answers():
         reached = nettool.reach([{"kind": "tcp", "host": "127.0.0.1", "port": port}], 20)["reached"]
         answering.join()  # while it accepts, the port is open, whoever closes it
         assert (reached[0]["ok"], reached[0]["address"]) == (True, "127.0.0.1")
-    closed = nettool.reach([{"kind": "tcp", "host": "127.0.0.1", "port": port}], 20)["reached"][0]
-    assert not closed["ok"]
-    assert "refused" in closed["error"]
+    closed_port = nettool.reach([{"kind": "tcp", "host": "127.0.0.1", "port": port}], 20)[
+        "reached"
+    ][0]
+    assert not closed_port["ok"]
+    assert "refused" in closed_port["error"]
     assert nettool.reach([], 1) == {"reached": []}
 
 
@@ -404,8 +406,8 @@ def tree(*apps):
 
 
 def node(role, name, x, extra='st:enabled="true"'):
-    place = f'cp:screencoord="({x}, 5)" cp:size="(20, 10)"'
-    return f'<{role} name="{name}" st:showing="true" st:visible="true" {place} {extra}/>'
+    position = f'cp:screencoord="({x}, 5)" cp:size="(20, 10)"'
+    return f'<{role} name="{name}" st:showing="true" st:visible="true" {position} {extra}/>'
 
 
 def test_elements_keep_what_acts():
@@ -511,8 +513,8 @@ def test_a_launcher_bears_the_name_of_an_application(app, role, name, launches):
     ],
 )
 def test_elements_whose_places_are_not_those_of_the_screen_are_left_out(frame, box, names):
-    place = 'cp:screencoord="(0, 0)" cp:size="(90, 60)"'
-    files = f'<frame name="Documents" {place}>{node("push-button", "Go", 10)}</frame>'
+    position = 'cp:screencoord="(0, 0)" cp:size="(90, 60)"'
+    files = f'<frame name="Documents" {position}>{node("push-button", "Go", 10)}</frame>'
     xml = tree(f'<application name="org.gnome.Nautilus">{files}</application>')
     windows = [{**window("org.gnome.Nautilus", "normal", frame), "box": box, "title": "Documents"}]
     assert [element.name for element in live_elements(xml, (100, 200), windows)] == names
@@ -533,8 +535,8 @@ def test_draw_prefers_the_plan_then_the_stream():
     result = live_elements(xml, (100, 200))
     assert draw_element(result, [(0, 0, 3, 3), (52, 6, 72, 16)], Stream(1, "t")).name == "2"
     assert draw_element([], [(52, 6, 72, 16)], Stream(1, "t")) is None
-    drawn = {draw_element(result, [], Stream(seed, "t")).name for seed in range(40)}
-    assert drawn == {str(i) for i in range(6)}
+    names = {draw_element(result, [], Stream(seed, "t")).name for seed in range(40)}
+    assert names == {str(i) for i in range(6)}
 
 
 def test_misplaced_allows_for_what_cannot_be_smaller():

@@ -39,8 +39,8 @@ def test_firewall_cuts_the_sites_and_nothing_else(desktop):
     assert value.facts["dropped"] >= 2
     assert not reach(desktop)
     assert reach(desktop, "127.0.0.1", 5999), "loopback must stay"
-    with EmbeddedDesktop.attach(desktop.id) as another:  # a connection of its own
-        assert another.execute(["true"]).ok
+    with EmbeddedDesktop.attach(desktop.id) as second_desktop:  # a connection of its own
+        assert second_desktop.execute(["true"]).ok
     assert result.undo().ok
     assert reach(desktop)
     assert rules(desktop) == before, "the fence of the desktop must stay as it was"

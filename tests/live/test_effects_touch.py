@@ -66,14 +66,14 @@ def test_touch_draws_from_the_stream_alike_and_leaves_launchers_out(desktop, mon
     home_page(desktop)
     # A click that is only claimed, so that the page stays as it is.
     idle = Liar(desktop, click={"moved": False, "pointer": [0, 0], "delivered": True})
-    drawn = [
+    element_names = [
         perform(Effect("touch", {}), idle, Stream(seed, "t")).record["did"]["attempts"]
         for seed in (3, 3, 5, 8)
     ]
-    names = [attempts[0]["element"]["name"] for attempts in drawn]
+    names = [attempts[0]["element"]["name"] for attempts in element_names]
     assert names[0] == names[1]
     assert len(set(names)) > 1
-    assert not {a["element"]["name"] for attempts in drawn for a in attempts} & LAUNCHERS
+    assert not {a["element"]["name"] for attempts in element_names for a in attempts} & LAUNCHERS
 
 
 def test_touch_may_take_launchers(desktop, stream):

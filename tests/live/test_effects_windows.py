@@ -137,8 +137,8 @@ def test_launch_takes_the_next_when_one_hangs_or_is_not_installed(desktop, monke
     with applied(effect, desktop) as result:
         value = result.probe()
         assert value.ok, value
-        tried = [(a["app"], a["came"], a["drawn"]) for a in value.facts["attempts"]]
-        assert tried == [
+        attempts = [(a["app"], a["came"], a["drawn"]) for a in value.facts["attempts"]]
+        assert attempts == [
             ("vlc", False, False),
             ("thunderbird", True, False),
             ("vscode", True, True),

@@ -35,11 +35,11 @@ def hijack(*arguments, code=0):
 @pytest.fixture
 def name(embedded_machine, leaves_nothing):
     """A desktop that `hijack desktop up` started, and that runs on after the command has ended."""
-    chosen = f"{leaves_nothing}cli"
-    record = json.loads(hijack("up", "--name", chosen, "--size", "1280x800", "--json"))
-    assert (record["id"], record["screen"], record["state"]) == (chosen, [1280, 800], "ready")
-    yield chosen
-    assert f"desktop {chosen} is gone" in hijack("down", chosen)
+    desktop_name = f"{leaves_nothing}cli"
+    record = json.loads(hijack("up", "--name", desktop_name, "--size", "1280x800", "--json"))
+    assert (record["id"], record["screen"], record["state"]) == (desktop_name, [1280, 800], "ready")
+    yield desktop_name
+    assert f"desktop {desktop_name} is gone" in hijack("down", desktop_name)
 
 
 def test_up_list_shot_run_down(name, tmp_path):
@@ -81,8 +81,8 @@ def test_view_starts_a_desktop_where_none_runs(embedded_machine, monkeypatch):
         desktop_commands.desktop, ["view", "--port", "7777"], catch_exceptions=False
     )
     assert "no desktop runs: starting one" in value.output
-    [(name, *seen)] = items
-    assert seen == [(1080, 1920, 3), 7777, False, 9]
+    [(name, *columns)] = items
+    assert columns == [(1080, 1920, 3), 7777, False, 9]
     assert registry.load(name) is None
 
 
@@ -153,9 +153,9 @@ def test_view_shows_and_controls(viewer, embedded_desktop):
         events = {"events": [{"type": "move", "x": 77, "y": 88}]}
         assert client.post("/input", json=events, headers=secret).status_code == 200
         assert "x:77 y:88" in embedded_desktop.execute("xdotool getmouselocation").output
-        moved = client.get("/frame", headers={**secret, "X-Seen": frame.headers["X-Frame"]})
-        assert moved.status_code == 200  # the pointer is in the picture, and has moved
-        again = client.get("/frame", headers={**secret, "X-Seen": moved.headers["X-Frame"]})
+        second_answer = client.get("/frame", headers={**secret, "X-Seen": frame.headers["X-Frame"]})
+        assert second_answer.status_code == 200  # the pointer is in the picture, and has moved
+        again = client.get("/frame", headers={**secret, "X-Seen": second_answer.headers["X-Frame"]})
         assert (again.status_code, again.content) == (204, b"")
 
 

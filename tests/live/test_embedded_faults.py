@@ -175,8 +175,8 @@ def test_programs_inside_write_to_no_disk_of_the_machine(leaves_nothing, up):
     desktop = up(size=(600, 800), name=f"{leaves_nothing}a")
     service = "[D-BUS Service]\nName=org.loud\nExec=/bin/sh -c 'yes | head -c 300M >&2'\n"
     desktop.execute(["mkdir", "-p", "/home/user/.local/share/dbus-1/services"])
-    place = "/home/user/.local/share/dbus-1/services/org.loud.service"
-    desktop.write_file(place, service.encode())
+    service_path = "/home/user/.local/share/dbus-1/services/org.loud.service"
+    desktop.write_file(service_path, service.encode())
     reload = "--dest=org.freedesktop.DBus / org.freedesktop.DBus.ReloadConfig"
     desktop.execute(f"dbus-send --session --print-reply {reload}")
     desktop.execute("dbus-send --session --dest=org.loud / a.b.C")
@@ -312,9 +312,9 @@ with EmbeddedDesktop.up(size=(600, 800)) as desktop:
 def test_two_controllers_at_once(embedded_machine):
     command = [sys.executable, "-c", SHORT_CONTROLLER]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    both = [subprocess.Popen(command, **pipes) for _ in range(2)]
-    names = {item.stdout.readline().strip() for item in both}
-    for item in both:
+    processes = [subprocess.Popen(command, **pipes) for _ in range(2)]
+    names = {item.stdout.readline().strip() for item in processes}
+    for item in processes:
         item.communicate(timeout=120)
     assert len(names) == 2
     assert "" not in names

@@ -47,14 +47,14 @@ def same(desktop):
 
     def compared():
         with contextlib.closing(FrameReader(desktop.record)) as frames:
-            picture = whole(frames)
+            picture = read_frame(frames)
         png = desktop.client._get("/screenshot").body
         return [picture] if (picture == np.asarray(Image.open(io.BytesIO(png)))).all() else []
 
     return until(compared, "a screenshot that is what the memory holds", pause=0.3)[0]
 
 
-def whole(frames):
+def read_frame(frames):
     """A reading that was quick enough; a busy machine may need several."""
 
     def read():
@@ -74,8 +74,8 @@ def test_it_is_the_guests_own_picture_with_one_pointer(desktop, place):
     desktop.client.input([{"type": "move", "x": 200, "y": 450}])
     different = (picture != same(desktop)).any(axis=2)
     different[560:, 600:] = False  # the clock
-    changed = np.argwhere(different)
-    near = [(abs(changed - point) < 40).all(axis=1) for point in (place[::-1], (450, 200))]
+    changed_pixels = np.argwhere(different)
+    near = [(abs(changed_pixels - point) < 40).all(axis=1) for point in (place[::-1], (450, 200))]
     assert near[0].any()
     assert near[1].any()
     assert (near[0] | near[1]).all()
@@ -120,7 +120,7 @@ def test_the_screen_goes_on_when_a_machine_never_lets_go(desktop):
         assert desktop.execute("xdotool getmouselocation").ok  # X answers though nobody let go
         with pytest.raises((OSError, ValueError)):  # it lost its hold; the next reading begins anew
             frames.read()
-        assert whole(frames).any()
+        assert read_frame(frames).any()
 
 
 def test_without_the_guest_server_it_says_so_and_then_goes_on(desktop):

@@ -149,10 +149,10 @@ def test_two_controllers_of_one_desktop_at_once(desktop):
 
 
 def test_a_taken_port_is_told(desktop):
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
+    with socket.socket() as busy_socket:
+        busy_socket.bind(("127.0.0.1", 0))
+        busy_socket.listen()
+        port = busy_socket.getsockname()[1]
         with pytest.raises(DesktopError, match=f"port {port}.*another --port"):
             view.Viewer(desktop.record, port)
 

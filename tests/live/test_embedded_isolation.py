@@ -88,8 +88,8 @@ def paths_of(monkeypatch, place, prefix="/usr"):
 
 
 def test_packages_of_a_wheel_are_hidden_and_their_neighbours_are_not(monkeypatch):
-    place = "/usr/local/lib/python3/dist-packages"
-    record, command = Path(place, "x.dist-info/RECORD"), Path(place, "../bin/hijack")
+    folder = "/usr/local/lib/python3/dist-packages"
+    record, command = Path(folder, "x.dist-info/RECORD"), Path(folder, "../bin/hijack")
     files_of = [
         SimpleNamespace(parts=("x.dist-info", "RECORD"), locate=lambda: record),
         SimpleNamespace(parts=("..", "bin", "hijack"), locate=lambda: command),
@@ -98,10 +98,10 @@ def test_packages_of_a_wheel_are_hidden_and_their_neighbours_are_not(monkeypatch
     monkeypatch.setattr(
         hidden_folders.importlib.metadata, "distribution", {DISTRIBUTION: simple_namespace}.get
     )
-    hidden = paths_of(monkeypatch, place)
-    assert {f"{place}/{name}" for name in hidden_folders.PACKAGES} <= hidden
-    assert {f"{place}/x.dist-info", "/usr/local/lib/python3/bin/hijack"} <= hidden
-    assert place not in hidden
+    hidden = paths_of(monkeypatch, folder)
+    assert {f"{folder}/{name}" for name in hidden_folders.PACKAGES} <= hidden
+    assert {f"{folder}/x.dist-info", "/usr/local/lib/python3/bin/hijack"} <= hidden
+    assert folder not in hidden
 
 
 def test_a_clone_and_an_environment_are_hidden_whole(monkeypatch, tmp_path):
@@ -112,18 +112,18 @@ def test_a_clone_and_an_environment_are_hidden_whole(monkeypatch, tmp_path):
 
 def test_a_spare_that_shows_too_much_is_not_used(monkeypatch, tmp_path):
     monkeypatch.setattr(hidden_folders, "_hidden_by_caller", {})
-    closed = []
+    closed_files = []
     spare = SimpleNamespace(
         wait=dict,
         ended=lambda: None,
         order=SimpleNamespace(hidden=hidden_folders.hidden()),
-        close=lambda: closed.append(True),
+        close=lambda: closed_files.append(True),
     )
     supply = DesktopSupply(ORDER)
     assert supply._fit(spare) is spare
     hidden_folders.hide(tmp_path / "run")
     assert supply._fit(spare) is None
-    assert closed == [True]
+    assert closed_files == [True]
 
 
 def test_what_is_hidden_is_marked_as_removed(tmp_path):
@@ -131,31 +131,31 @@ def test_what_is_hidden_is_marked_as_removed(tmp_path):
     root_file_system.hide(Path("/var/lib/dpkg"), tmp_path)
     root_file_system.hide(missing, tmp_path)
     root_file_system.hide(Path("/var/lib/dpkg/info"), tmp_path)  # what is above it is gone
-    for place in ("var/lib/dpkg", "var/lib/no-such-folder-of-ours"):
-        result = (tmp_path / place).lstat()
+    for folder in ("var/lib/dpkg", "var/lib/no-such-folder-of-ours"):
+        result = (tmp_path / folder).lstat()
         assert stat.S_ISCHR(result.st_mode)
         assert result.st_rdev == 0
     # a whole system folder, and what is out of sight
-    for place in ("/usr", "/root/x", "/", "/tmp/x/y"):
-        root_file_system.hide(Path(place), tmp_path)
+    for folder in ("/usr", "/root/x", "/", "/tmp/x/y"):
+        root_file_system.hide(Path(folder), tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["var"]
 
 
 def test_only_a_connection_that_its_owner_holds_is_let_in():
     owners = forward.Owners()
     with forward.listen("127.0.0.1") as listener:
-        place = listener.getsockname()
-        mine = socket.create_connection(place)
+        address = listener.getsockname()
+        client = socket.create_connection(address)
         line, _ = listener.accept()
         assert owners.allow(line)
         owners._allowed = {1 << 31}
         assert not owners.allow(line)
         owners._allowed = {0, os.geteuid()}
-        mine.close()
+        client.close()
         assert not owners.allow(line)  # the kernel says root's of what nobody holds any more
         line.close()
         with socket.socket(socket.AF_INET6) as second:  # as an IPv4 address within IPv6
-            second.connect((f"::ffff:{place[0]}", place[1]))
+            second.connect((f"::ffff:{address[0]}", address[1]))
             line, _ = listener.accept()
             assert owners.allow(line)
             line.close()

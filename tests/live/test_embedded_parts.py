@@ -53,8 +53,8 @@ def test_every_slot_has_an_address_and_users_of_its_own(slot, other):
 
 @given(names)
 def test_a_name_is_safe_or_refused(name):
-    allowed = registry._NAME.fullmatch(name)
-    if allowed:
+    match = registry._NAME.fullmatch(name)
+    if match:
         assert set(name) <= set("abcdefghijklmnopqrstuvwxyz0123456789-")
         assert 1 <= len(name) <= 20
         assert not name.startswith("-")

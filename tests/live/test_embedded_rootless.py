@@ -78,7 +78,7 @@ class User:
 
     def run(self, *argv):
         paths = [str(ROOT), *(path for path in sys.path if path.endswith("-packages"))]
-        place = {
+        environment = {
             "PATH": "/usr/bin:/bin",
             "HOME": str(self.home),
             "PYTHONPATH": ":".join(paths),
@@ -91,7 +91,7 @@ class User:
             timeout=120,
             check=False,
             cwd=self.home,
-            env=place,
+            env=environment,
             **self.who,
         )
 
@@ -265,8 +265,8 @@ def test_what_needs_root_says_so_and_the_command(user):
     words = user.as_root("desktop", "list")
     assert f"those of root: {words}" in user.hijack("shot", "nobody", code=2)
     message = user.hijack("doctor", "--profile", "core")
-    result, theirs = privilege.as_root("desktop", "..."), user.as_root("desktop", "...")
-    assert rootless.LACKING.replace(result, theirs) in message
+    result, user_command = privilege.as_root("desktop", "..."), user.as_root("desktop", "...")
+    assert rootless.LACKING.replace(result, user_command) in message
     assert "namespaces and overlay mounts work" in message
 
 

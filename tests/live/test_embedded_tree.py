@@ -52,7 +52,7 @@ def press(desktop, node):
 def test_an_error_page_is_told_and_the_page_before_it_is_not(browser):
     visit(browser, "http://search.test/")
     shop = named(browser, "link", "Shop")
-    closed = perform(Effect("firewall", {}), browser)
+    firewall = perform(Effect("firewall", {}), browser)
     press(browser, shop)
     named(browser, "frame", "Network error")
     assert [node.get("name") for node in showing(browser, "document-web")] == ["shop.test"]
@@ -61,7 +61,7 @@ def test_an_error_page_is_told_and_the_page_before_it_is_not(browser):
         for n in showing(browser, "static")
     )
     assert not [node for node in showing(browser, "link") if node.get("name") == "Shop"]
-    assert closed.undo().ok
+    assert firewall.undo().ok
     browser.run("pyautogui.press('f5')")
     named(browser, "document-web", "Alder & Pine")
     assert len(showing(browser, "document-web")) == 1

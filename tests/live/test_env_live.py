@@ -138,10 +138,10 @@ def test_a_pair_is_proved_and_undone_each_on_its_own(play, tmp_path, pair):
     env = play(hj.Sequence(parts), "WAIT", "WAIT", CLICK, CLICK, "DONE")
     record = env.record
     assert (record["corruption"], record["status"]) == (pair, "ok"), record["problem"]
-    assert [each["record"]["effect"] for each in record["effects"]] == PAIRS[pair]
-    for each in record["effects"]:
-        assert each["record"]["probes"][0]["ok"]
-        assert [undone["ok"] for undone in each["record"]["undone"]] == [True]
+    assert [effect["record"]["effect"] for effect in record["effects"]] == PAIRS[pair]
+    for effect in record["effects"]:
+        assert effect["record"]["probes"][0]["ok"]
+        assert [undone["ok"] for undone in effect["record"]["undone"]] == [True]
     assert set(record["params"]) == {part.id for part in parts}
     faults = [entry["probe"]["ok"] for entry in record.get("inputs", ())]
     assert faults == [True] * any(part.inputs for part in parts)

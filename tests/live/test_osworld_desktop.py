@@ -235,8 +235,8 @@ def test_the_firewall_is_ours_only_with_the_password(
         (tmp_path / name).chmod(0o755)
 
     def execute(argv: Any, timeout: float) -> RunResult:
-        place = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
-        process = subprocess.run(argv, capture_output=True, text=True, check=False, env=place)
+        environment = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
+        process = subprocess.run(argv, capture_output=True, text=True, check=False, env=environment)
         return RunResult("success", process.stdout, process.stderr, process.returncode)
 
     assert ("firewall" in survey(execute, password)) is allowed
@@ -266,8 +266,8 @@ def test_a_locker_that_hangs_costs_one_wait(tmp_path: Path) -> None:
     hangs.chmod(0o755)
 
     def execute(argv: Any, timeout: float) -> RunResult:
-        place = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
-        process = subprocess.run(argv, capture_output=True, text=True, check=False, env=place)
+        environment = {"PATH": f"{tmp_path}:/usr/bin:/bin"}
+        process = subprocess.run(argv, capture_output=True, text=True, check=False, env=environment)
         return RunResult("success", process.stdout, process.stderr, process.returncode)
 
     assert "lock" not in survey(execute, None)

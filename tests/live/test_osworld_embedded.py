@@ -45,9 +45,9 @@ def shell(command: str) -> dict[str, Any]:
 def test_tasks_of_osworld_are_scored(env: OsworldEnv, shared_data: Path) -> None:
     tasks = load(shared_data / "tasks" / "osworld_verified")
     groups = read_groups(shared_data / "tasks" / "feasibility.json")
-    chosen = choose(tasks, groups, ["e0df059f", "b3d4a89c"])
+    chosen_tasks = choose(tasks, groups, ["e0df059f", "b3d4a89c"])
     calls: list[str] = []
-    results = run_all(env, chosen, groups, {}, lambda row, _: calls.append(row.id))
+    results = run_all(env, chosen_tasks, groups, {}, lambda row, _: calls.append(row.id))
     rows = {row.id[:8]: row for row in results.rows}
     assert {(row.status, row.untouched, row.solved) for row in results.rows} == {("works", 0, 1)}, (
         results.as_markdown()

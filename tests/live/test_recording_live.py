@@ -34,7 +34,7 @@ def stage(embedded_desktop):
 
 
 @contextlib.contextmanager
-def opened(stage, name, box):
+def open_window(stage, name, box):
     """An application's window, closed afterwards."""
     top = next(app for app in APPS if app.name == name).open(stage)
     try:
@@ -78,7 +78,7 @@ def test_a_way_out_that_does_not_work_is_not_recorded(stage, monkeypatch):
 
 
 def test_a_menu_is_cut_to_its_window_and_escape_closes_it(stage):
-    with opened(stage, "mousepad", menus.CLICKED_WINDOW_BOX) as top:
+    with open_window(stage, "mousepad", menus.CLICKED_WINDOW_BOX) as top:
         (value,) = menus._record_clicks(stage, "mousepad", top, [(menus.Click("File", "menu"),)])
     assert (value.kind, value.app, value.recover) == ("menu", "mousepad", menus.ESCAPE)
     assert {"Open...", "Close Tab"} <= {target.name for target in value.targets}
@@ -94,7 +94,10 @@ def test_a_menu_is_cut_to_its_window_and_escape_closes_it(stage):
 
 def test_a_covered_window_is_not_recorded(stage):
     places = (100, 60, 800, 560), (400, 200, 1100, 700)
-    with opened(stage, "mousepad", places[0]) as below, opened(stage, "thunar", places[1]) as above:
+    with (
+        open_window(stage, "mousepad", places[0]) as below,
+        open_window(stage, "thunar", places[1]) as above,
+    ):
         with pytest.raises(DesktopError, match="covers"):
             stage.cut("window", "mousepad", below, "for a test")
         result = stage.cut("window", "thunar", above, "for a test")
@@ -107,8 +110,8 @@ def test_a_desktop_and_the_button_that_brings_the_window_back(stage, monkeypatch
     monkeypatch.setattr(desktops, "OPEN", (("thunar", "mousepad"),))
     (value,) = desktops.record(stage)
     buttons = {target.name: target.box for target in value.targets}
-    mine = next(name for name in buttons if "Mousepad" in name)
-    assert tuple(value.recover["target_box"]) == buttons[mine]
+    button_name = next(name for name in buttons if "Mousepad" in name)
+    assert tuple(value.recover["target_box"]) == buttons[button_name]
     assert any("Thunar" in name for name in buttons)
     assert value.app == "mousepad"
 
@@ -145,7 +148,7 @@ def test_a_person_is_recorded(stage):
     from online_env.recording.trajectory import EpisodeRecording
 
     episode = EpisodeRecording("person", "Write hello.", ())
-    window = opened(stage, "mousepad", (300, 200, 1000, 700))
+    window = open_window(stage, "mousepad", (300, 200, 1000, 700))
     with window, PersonViewer(stage.desktop, episode, say=lambda text: None) as viewer:
         thread = threading.Thread(target=viewer.serve_forever, kwargs={"poll_interval": 0.05})
         thread.start()

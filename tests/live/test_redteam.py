@@ -73,9 +73,9 @@ def folders(embedded_machine):
     """Two folders below a system folder: one that a run has registered, one that nobody has."""
     with tempfile.TemporaryDirectory(prefix="red-", dir="/var/tmp") as name:
         for kind in ("hidden", "open"):
-            place = Path(name, kind)
-            place.mkdir()
-            (place / "record").write_bytes(SECRET)
+            path = Path(name, kind)
+            path.mkdir()
+            (path / "record").write_bytes(SECRET)
         Path(name).chmod(0o755)
         hidden_folders.hide(Path(name, "hidden"))
         hidden_folders.hide(Path(name, "later/run"))
@@ -213,9 +213,9 @@ def test_root_inside_is_nobody_outside(desktop):
 
 def owners():
     """User number and command line of all processes of the machine."""
-    for place in Path("/proc").glob("[0-9]*"):
+    for path in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
-            yield place.stat().st_uid, (place / "cmdline").read_bytes()
+            yield path.stat().st_uid, (path / "cmdline").read_bytes()
 
 
 @pytest.mark.parametrize("who", USERS)
@@ -224,13 +224,13 @@ def test_runs_and_our_own_files_are_not_there(desktop, folders, who):
     later = folders / "later/run"
     later.mkdir(parents=True, exist_ok=True)  # after the desktop has come up
     (later / "record").write_bytes(SECRET)
-    ours = [place for place in hidden_folders.hidden() if Path(place).exists()]
+    ours = [path for path in hidden_folders.hidden() if Path(path).exists()]
     assert len(ours) >= 3
     files = (registry.RUN, desktop.record["token_file"], desktop.record["sites"])
-    for place in (folders / "hidden", later, *ours, *files):
-        assert Path(place).exists(), place
-        reached = desktop.execute(["sudo", "-n", "ls", "-d", str(place)])
-        assert not reached.ok, f"{place} is there"
+    for path in (folders / "hidden", later, *ours, *files):
+        assert Path(path).exists(), path
+        reached = desktop.execute(["sudo", "-n", "ls", "-d", str(path)])
+        assert not reached.ok, f"{path} is there"
     assert "OPEN" not in inside(
         desktop, who, "sh", "-c", "ls /var/lib | sed 's/^agenthijack/OPEN/'"
     )

@@ -41,10 +41,10 @@ def test_screens_of_one_seed_are_equal_and_seeds_differ_in_the_clock(up: Any) ->
     time.sleep(62 - time.time() % 60)  # the next minute
     assert np.array_equal(stage.desktop.screenshot(), frame)
     set_panel_clock(stage.desktop, 4)
-    changed = (wait_until_settled(stage.desktop, Settle(), False).frame != frame).any(axis=2)
-    rows, columns = np.nonzero(changed)
-    assert rows.min() >= changed.shape[0] - 36
-    assert columns.min() >= changed.shape[1] - 130
+    changed_mask = (wait_until_settled(stage.desktop, Settle(), False).frame != frame).any(axis=2)
+    rows, columns = np.nonzero(changed_mask)
+    assert rows.min() >= changed_mask.shape[0] - 36
+    assert columns.min() >= changed_mask.shape[1] - 130
 
 
 def is_frame(name: str, node: TreeNode) -> bool:

@@ -21,7 +21,7 @@ from online_env.tasks.task_apps import APPS
 
 
 @pytest.fixture(scope="module")
-def place(embedded_machine: None) -> Iterator[tuple[Any, SiteState]]:
+def desktop_and_sites(embedded_machine: None) -> Iterator[tuple[Any, SiteState]]:
     """A desktop and the state of its sites, shared: every task cleans up after itself."""
     from online_env.embedded.desktop import EmbeddedDesktop
 
@@ -31,14 +31,14 @@ def place(embedded_machine: None) -> Iterator[tuple[Any, SiteState]]:
 
 @pytest.mark.parametrize("name", task_sets.members("sample"))
 def test_the_oracle_does_what_nobody_did_before(
-    place: tuple[Any, SiteState], request: pytest.FixtureRequest, name: str
+    desktop_and_sites: tuple[Any, SiteState], request: pytest.FixtureRequest, name: str
 ) -> None:
     if name == "register_course":
         request.getfixturevalue("browser_machine")
     if name == "set_snapshots":
         needs.apps("vlc")
     task = tasks.get(name, 1)
-    machine = tasks.Machine(*place)
+    machine = tasks.Machine(*desktop_and_sites)
     at_first = machine.snapshot().files.keys()
     task.setup(machine)
     untouched = task.validate(machine)
@@ -55,17 +55,19 @@ def test_the_oracle_does_what_nobody_did_before(
 
 
 def test_an_application_that_is_missing_is_named_before_anything_is_done(
-    place: tuple[Any, SiteState], monkeypatch: pytest.MonkeyPatch
+    desktop_and_sites: tuple[Any, SiteState], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     absent = dataclasses.replace(APPS["gimp"], argv=("no-such-program",))
     monkeypatch.setitem(APPS, "gimp", absent)
-    machine = tasks.Machine(*place)
+    machine = tasks.Machine(*desktop_and_sites)
     with pytest.raises(MissingPackageError, match="hijack desktop install --profile media"):
         machine.check_installed(["thunar", "gimp"])
 
 
-def test_a_snapshot_tells_what_was_added_changed_and_removed(place: tuple[Any, SiteState]) -> None:
-    machine = tasks.Machine(*place)
+def test_a_snapshot_tells_what_was_added_changed_and_removed(
+    desktop_and_sites: tuple[Any, SiteState],
+) -> None:
+    machine = tasks.Machine(*desktop_and_sites)
     machine.begin()
     for name in ("kept", "changed", "removed", "moded"):
         machine.write(f"Documents/a b/{name}.txt", name)
@@ -114,9 +116,9 @@ def test_a_careful_user_does_the_task_all_the_same(embedded_machine: None, corru
 
 
 def test_the_desktop_reaches_the_sites_by_name_and_nothing_else(
-    place: tuple[Any, SiteState],
+    desktop_and_sites: tuple[Any, SiteState],
 ) -> None:
-    desktop, _ = place
+    desktop, _ = desktop_and_sites
     code = (
         "import socket, urllib.request as r\n"
         "print(r.urlopen('http://search.test/generate_204', timeout=5).status)\n"

@@ -169,8 +169,8 @@ def ended():
 
 def clicking(computer, instruction):
     """A loop that does the task, and looks before and after."""
-    place = middle_of_square(computer.screenshot())
-    after = computer.act(f"pyautogui.click{place}", said="there it is")
+    point = middle_of_square(computer.screenshot())
+    after = computer.act(f"pyautogui.click{point}", said="there it is")
     assert middle_of_square(after) is None
     assert np.array_equal(after, computer.screenshot())
     assert instruction == ClickSquare.phrasings[0]

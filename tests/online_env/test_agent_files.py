@@ -49,9 +49,9 @@ def test_every_shipped_file_can_be_read_and_says_how_it_is_served():
     assert set(agent_files.packaged()) > BASELINES
     for name in agent_files.packaged():
         settings = agent_files.read_agent(name)
-        where, data = agent_files.read_config(f"agents/{name}")
+        source, data = agent_files.read_config(f"agents/{name}")
         local = settings.model.base_url is not None and "127.0.0.1" in settings.model.base_url
-        assert where == settings.source
+        assert source == settings.source
         assert ("serve" in yaml.safe_load(data)) is local
         assert local or settings.model.api_key_env, "an API of somebody else's wants a key"
 
@@ -75,10 +75,10 @@ def test_the_ablations_switch_one_module_each():
     assert modules("-no-check") == (False, True)
     assert modules("-no-summary") == (True, False)
     assert modules("-no-onlooker") == (False, False)
-    whole = agent_files.read_agent("agenthijack-agent")
-    assert whole.onlooker.model == whole.model
+    agent_spec = agent_files.read_agent("agenthijack-agent")
+    assert agent_spec.onlooker.model == agent_spec.model
     second = agent_files.read_agent("agenthijack-agent-onlooker-qwen3-vl-235b")
-    assert second.model == whole.model
+    assert second.model == agent_spec.model
     assert second.onlooker.model.model == "Qwen/Qwen3-VL-235B-A22B-Instruct"
     assert second.onlooker.model.base_url != second.model.base_url
     assert second.onlooker.model.sampling == second.model.sampling
@@ -328,10 +328,10 @@ def test_of_two_folders_the_first_has_the_prompt_and_the_rest_is_ours(tmp_path):
         folder.mkdir()
         for name in names:
             (folder / f"{name}.yaml").write_text(f"first: {name} of {folder.name}\n")
-    chosen = (value, two)
-    assert prompts.read_prompt("mine", chosen).first == "mine of one"
-    assert prompts.read_prompt("theirs", chosen).first == "theirs of two"
-    assert prompts.read_prompt("pyautogui", chosen) == prompts.read_prompt("pyautogui")
+    paths = (value, two)
+    assert prompts.read_prompt("mine", paths).first == "mine of one"
+    assert prompts.read_prompt("theirs", paths).first == "theirs of two"
+    assert prompts.read_prompt("pyautogui", paths) == prompts.read_prompt("pyautogui")
 
 
 def test_the_digest_of_prompts_changes_with_names_and_with_texts(tmp_path):

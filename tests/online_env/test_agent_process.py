@@ -201,8 +201,8 @@ def test_an_agent_gets_instruction_and_picture_and_nothing_of_ours(name, monkeyp
     assert Path(result["folder"]).name.startswith("agent-")
     assert not Path(result["folder"]).exists(), "it ends with the agent"
     assert result["words"] == ["agent"]
-    loaded = set(result["modules"])
-    assert not {"online_env.environment", "online_env.bench", "online_env.tasks"} & loaded
+    module_names = set(result["modules"])
+    assert not {"online_env.environment", "online_env.bench", "online_env.tasks"} & module_names
 
 
 @pytest.mark.parametrize(
@@ -295,12 +295,12 @@ def test_an_agent_ends_with_its_runner(folder):
     words = [sys.executable, "-c", RUNNER, f"{folder}/mine.py:Any"]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as runner:
         try:
-            pid, place = runner.stdout.readline().split()
+            pid, agent_folder = runner.stdout.readline().split()
             daemon = daemon_in(folder)
         finally:
             runner.send_signal(signal.SIGKILL)
     until(lambda: not is_running(int(pid)) and not is_running(daemon), "all to end")
-    until(lambda: not Path(place).exists(), "its folder to be removed")
+    until(lambda: not Path(agent_folder).exists(), "its folder to be removed")
 
 
 def test_pictures_are_in_a_file_where_the_system_has_no_memory_files(name, monkeypatch):
@@ -364,7 +364,7 @@ def bench_of(monkeypatch, no_waiting):
     return make
 
 
-def played(bench, folder, count=1):
+def play_jobs(bench, folder, count=1):
     (name,) = bench.agents
     with LiveEpisodes(bench, folder, FakeStage()) as play:
         return [play(Job(name, "write_note", "clean", seed), 0) for seed in range(count)]
@@ -372,7 +372,7 @@ def played(bench, folder, count=1):
 
 def test_a_crash_is_the_agents_failure_and_the_next_episode_is_played(folder, tmp_path, bench_of):
     name = registry.AGENTS.find(f"{folder}/mine.py:Fragile")
-    for record in played(bench_of(name), tmp_path, 2):
+    for record in play_jobs(bench_of(name), tmp_path, 2):
         assert (record["status"], record["cause"], record["given"]) == ("error", "agent", [])
         assert record["problem"] == "the agent raised its process died (exit code 7)"
 
@@ -381,12 +381,12 @@ def test_an_agent_in_the_runners_process_is_recorded(folder, tmp_path, bench_of)
     name = registry.AGENTS.find(f"{folder}/mine.py:Wants")
     with pytest.raises(ParameterError, match="use --in-process"):
         models.check_agents(bench_of(name))
-    chosen = bench_of(name, in_process=True)
-    models.check_agents(chosen)
-    assert chosen.to_data()["in_process"]
-    (record,) = played(chosen, tmp_path)
+    config = bench_of(name, in_process=True)
+    models.check_agents(config)
+    assert config.to_data()["in_process"]
+    (record,) = play_jobs(config, tmp_path)
     assert record["given"] == ["task", "process"]
     maker = registry.AGENTS.find(f"{folder}/mine.py:made")  # only its object says what it wants
-    (record,) = played(bench_of(maker), tmp_path)
+    (record,) = play_jobs(bench_of(maker), tmp_path)
     assert (record["status"], record["cause"]) == ("error", "agent")
     assert "use --in-process" in record["problem"]

@@ -61,11 +61,11 @@ def test_an_interrupted_call_leaves_no_answer_for_the_next_one(monkeypatch):
         class Answers:
             get = staticmethod(lambda timeout: interrupted(timeout))
 
-        kept = apart._answers
+        answers_before = apart._answers
         monkeypatch.setattr(apart, "_answers", Answers())
         with pytest.raises(KeyboardInterrupt):
             apart.call(len, "abc")
-        monkeypatch.setattr(apart, "_answers", kept)
+        monkeypatch.setattr(apart, "_answers", answers_before)
         with pytest.raises(AgentError, match=r"^it still works on a call that was interrupted$"):
             apart.call(len, "abcd")
 
@@ -100,7 +100,7 @@ def test_of_a_deep_error_the_innermost_frames_are_kept_and_none_of_ours():
     assert (
         caught.value.frames[-1] == f'{__file__}:{line} in deep: raise ValueError("at the bottom")'
     )
-    assert {place.rpartition(" in ")[0].rpartition(":")[0] for place in caught.value.frames} == {
+    assert {frame.rpartition(" in ")[0].rpartition(":")[0] for frame in caught.value.frames} == {
         __file__
     }
 

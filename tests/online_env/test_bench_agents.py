@@ -90,7 +90,7 @@ class Impossible(Steps):
         hand.give_up("There is no button Send.")
 
 
-def seen(size=SIZE):
+def observation(size=SIZE):
     return {"screenshot": np.zeros((*size, 3), np.uint8)}
 
 
@@ -104,7 +104,7 @@ def oracle_for(task):
 def actions_of(oracle, size=SIZE, most=10):
     items = []
     while len(items) < most and items[-1:] not in (["DONE"], ["FAIL"]):
-        output, actions = oracle.predict("do it", seen(size))
+        output, actions = oracle.predict("do it", observation(size))
         items += actions
     return items, output
 
@@ -114,12 +114,12 @@ def actions_of(oracle, size=SIZE, most=10):
 
 def test_the_oracle_hands_out_its_solution_one_action_at_a_time():
     oracle, desktop = oracle_for(Steps())
-    assert oracle.predict("do it", seen()) == ("", ["pyautogui.click(960, 540)"])
+    assert oracle.predict("do it", observation()) == ("", ["pyautogui.click(960, 540)"])
     assert desktop.looks == 1
     value, output = actions_of(oracle)
     assert value == ["pyautogui.write('Grüße (10, 20)')", "pyautogui.hotkey('ctrl', 's')", "DONE"]
     assert output == "The task is done."
-    assert oracle.predict("do it", seen())[1] == ["DONE"]  # asked again, it does not hang
+    assert oracle.predict("do it", observation())[1] == ["DONE"]  # asked again, it does not hang
 
 
 def test_its_actions_are_in_pixels_of_what_it_sees():
@@ -153,12 +153,12 @@ def test_an_oracle_that_lost_its_way_does_not_pass_for_one_that_gave_up():
 def test_reset_ends_a_solution_that_still_waits():
     before = threading.active_count()
     oracle, _ = oracle_for(Steps())
-    oracle.predict("do it", seen())
+    oracle.predict("do it", observation())
     assert threading.active_count() == before + 1
     oracle.reset()
     assert threading.active_count() == before
     with pytest.raises(DesktopError, match="call prepare"):
-        oracle.predict("do it", seen())
+        oracle.predict("do it", observation())
     oracle.prepare(Steps(), tasks.Machine(Straw()))
     assert actions_of(oracle)[0][-1] == "DONE"
 
@@ -180,7 +180,7 @@ def test_do_nothing_outwaits_every_corruption_of_the_paper():
     agent = agents.make("do_nothing")
     for _ in range(2):
         agent.reset()
-        output = [agent.predict("", seen())[1] for _ in range(6)]
+        output = [agent.predict("", observation())[1] for _ in range(6)]
         assert output == [["WAIT"]] * 5 + [["DONE"]]
 
 

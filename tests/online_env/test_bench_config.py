@@ -94,8 +94,8 @@ retries: 0
     assert data["corruptions"][1]["marks"]["as"] == "few"
     assert data["corruptions"][2]["accidental_touch"]["step"] == {"every": 2}
     # Other tests of this process may have registered agents of files, whose hashes are in `code`.
-    written = {key: value for key, value in data.items() if key not in ("source", "code")}
-    again = load_bench(write(tmp_path, yaml.safe_dump(written)))
+    fields = {key: value for key, value in data.items() if key not in ("source", "code")}
+    again = load_bench(write(tmp_path, yaml.safe_dump(fields)))
     assert again.to_data() | {"source": ""} == data | {"source": ""}
 
 
@@ -119,8 +119,8 @@ def test_the_paper_s_protocol():
     assert len(bench.agents) == 10
     assert "agenthijack-agent" in bench.agents
     assert dict(bench.planners) == all_planners()
-    changed = override(bench, recovery="none", environment_errors="after_setup", layer="dom")
-    assert changed.to_data() == {
+    overridden = override(bench, recovery="none", environment_errors="after_setup", layer="dom")
+    assert overridden.to_data() == {
         **bench.to_data(),
         "recovery": "none",
         "environment_errors": "after_setup",
@@ -194,13 +194,13 @@ def test_mistakes(text, words, tmp_path):
 
 def test_the_command_line_overrides(tmp_path):
     bench = load_bench("embedded_small")
-    changed = override(
+    overridden = override(
         bench, agent="do_nothing", task="rename_file, write_note", corruption="clean,marks", seeds=3
     )
-    assert changed.agents == ("do_nothing",)
-    assert changed.tasks == ("rename_file", "write_note")
-    assert dict(changed.planners) == {"clean": None, "marks": hj.Marks()}
-    assert changed.seeds == (0, 1, 2)
+    assert overridden.agents == ("do_nothing",)
+    assert overridden.tasks == ("rename_file", "write_note")
+    assert dict(overridden.planners) == {"clean": None, "marks": hj.Marks()}
+    assert overridden.seeds == (0, 1, 2)
     assert override(bench) == bench
 
 
@@ -295,6 +295,6 @@ def test_corruptions_at_several_severities():
     for text in ("0-3", "1,1", "4-2", "harsh", ""):
         with pytest.raises(ParameterError, match=r"levels of 1 to 5, such as 1-5"):
             at_severities(bench, text)
-    own = Bench(corruptions={"small": hj.PopUps(width=100)})
+    own_bench = Bench(corruptions={"small": hj.PopUps(width=100)})
     with pytest.raises(ParameterError, match=r"'small' is not a corruption with its default"):
-        at_severities(own, "1-5")
+        at_severities(own_bench, "1-5")

@@ -26,7 +26,7 @@ TASK = "write_note"
 BENCH = Bench(tasks=(TASK,), corruptions={"clean": None}, max_steps=60)
 
 
-def made(seconds, steps, corruption="clean", agent="oracle", **more):
+def make_record(seconds, steps, corruption="clean", agent="oracle", **more):
     return {
         "id": f"{TASK}-0__{corruption}__s0__{agent}",
         "agent": agent,
@@ -88,17 +88,17 @@ def test_what_was_never_measured_is_a_limit_and_says_whose_time_is_not_in_it():
 
 
 def test_a_foreign_id_measures_no_folder_of_another_place(tmp_path):
-    write_run(tmp_path / "a", made(10.0, 4))
+    write_run(tmp_path / "a", make_record(10.0, 4))
     alone = history_near(tmp_path / "new").step_bytes
-    write_run(tmp_path / "b", {**made(10.0, 4, "marks"), "id": "../../a"})
+    write_run(tmp_path / "b", {**make_record(10.0, 4, "marks"), "id": "../../a"})
     (tmp_path / "a" / "frames" / "0000.png").unlink()  # what write_run made at that path
     (tmp_path / "a" / "other").write_bytes(b"x" * 10**6)
     assert history_near(tmp_path / "new").step_bytes == alone
 
 
 def test_earlier_runs_beside_the_new_one_count_most(tmp_path):
-    write_run(tmp_path / "a", made(10.0, 4), made(30.0, 6, "marks"))
-    write_run(tmp_path / "deep" / "b", made(20.0, 4), made(99.0, 9, status="invalid"))
+    write_run(tmp_path / "a", make_record(10.0, 4), make_record(30.0, 6, "marks"))
+    write_run(tmp_path / "deep" / "b", make_record(20.0, 4), make_record(99.0, 9, status="invalid"))
     (tmp_path / "broken").mkdir()
     (tmp_path / "broken" / "run.json").write_text("{")
     history = history_near(tmp_path / "new")
@@ -118,17 +118,17 @@ def test_models_cost_what_they_did_and_an_unknown_one_says_so(tmp_path):
     AGENTS.find("gpt-4o")
     listed = [Job("gpt-4o", TASK, "clean", 0)] * 3
     assert "money not known: no earlier run of gpt-4o here" in estimate(BENCH, listed)
-    write_run(tmp_path / "a", made(60.0, 9, agent="gpt-4o", usage={"usd": 0.25}))
+    write_run(tmp_path / "a", make_record(60.0, 9, agent="gpt-4o", usage={"usd": 0.25}))
     text = estimate(BENCH, listed, 1, history_near(tmp_path / "b"))
     assert text == "about 3 min and 0.0 GB, 0.75 USD (3 measured in earlier runs)"
 
 
 def test_a_dry_run_says_what_it_rests_on(tmp_path):
-    write_run(tmp_path / "a", made(600.0, 4))
+    write_run(tmp_path / "a", make_record(600.0, 4))
     argv = [sys.executable, "-m", "hijack_data.cli", "bench", "embedded_small", "--dry-run"]
-    chosen = ["--agent", "oracle", "--tasks", TASK, "--corruptions", "clean,marks"]
+    options = ["--agent", "oracle", "--tasks", TASK, "--corruptions", "clean,marks"]
     process = subprocess.run(
-        [*argv, *chosen, "--desktops", "1", "--out", str(tmp_path / "b")],
+        [*argv, *options, "--desktops", "1", "--out", str(tmp_path / "b")],
         capture_output=True,
         text=True,
         timeout=120,

@@ -48,11 +48,11 @@ def run(recorded, tmp_path):
 
 def go_on(folder, episodes=None):
     """What `hijack bench --resume` does; returns which episodes were played."""
-    played = episodes or Episodes(folder)
+    player = episodes or Episodes(folder)
     with no_machine(), records.resume(folder, config(), IDS):
         earlier = attempts(JOBS, records.read(folder).records)
-        runner.run_jobs(JOBS, folder, 1, played, Silent(), earlier)
-    return played.played
+        runner.run_jobs(JOBS, folder, 1, player, Silent(), earlier)
+    return player.played
 
 
 def broken_off_after(folder, lines):
@@ -183,11 +183,11 @@ def test_another_run_is_not_gone_on_with(run, change, words):
 
 def test_a_damaged_run_or_one_of_another_version_is_not_gone_on_with(run):
     path = run / "records.jsonl"
-    whole = path.read_bytes()
-    path.write_bytes(b"{x\n" + whole)
+    whole_bytes = path.read_bytes()
+    path.write_bytes(b"{x\n" + whole_bytes)
     with pytest.raises(RunError, match=r"records.jsonl:1: not JSON.*cannot be resumed"):
         records.resume(run, config(), IDS)
-    path.write_bytes(whole)
+    path.write_bytes(whole_bytes)
     head = json.loads((run / "run.json").read_text())
     (run / "run.json").write_text(json.dumps(head | {"version": VERSION - 1}))
     with pytest.raises(RunError, match="version"):
@@ -231,8 +231,8 @@ def test_a_desktop_that_dies_is_run_again_and_counts_where_it_dies_again(tmp_pat
     assert requests == [(name, k) for name, ended in endings.items() for k in range(len(ended))]
     assert dict(statuses) == {"error": 2, "ok": 1, "invalid": 1}
     rows = scores.rows(records.read(folder).records)
-    counted = {row["corruption"]: [row[key] for key in KEYS] for row in rows}
-    assert counted == {
+    counts = {row["corruption"]: [row[key] for key in KEYS] for row in rows}
+    assert counts == {
         "clean": [1, 0.0, 1, 0],
         "marks": [1, 1.0, 0, 0],
         "app_minimization": [0, None, 0, 1],
@@ -272,13 +272,13 @@ def test_a_run_without_an_episode_is_verified_and_not_reported(tmp_path):
 
 
 def test_what_an_environment_logged_by_itself_is_reported_too(run):
-    whole = json.loads(hijack("report", run, "--json").stdout)
+    full_report = json.loads(hijack("report", run, "--json").stdout)
     for name in ("run.json", "records.jsonl"):
         (run / name).unlink()
     result = hijack("report", run, "--json")
     assert result.returncode == 0, result.stderr
     rows = {row["corruption"]: row for row in json.loads(result.stdout)}
-    assert rows == {row["corruption"]: row for row in whole}
+    assert rows == {row["corruption"]: row for row in full_report}
     (run / "episodes" / IDS[1] / "episode.json").write_text("{")
     result = hijack("report", run)
     assert (result.returncode, f"{IDS[1]}/episode.json:1: skipped" in result.stderr) == (1, True)

@@ -62,7 +62,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(scores, "can_infer", lambda: False)
 
 
-def made(task, corruption, score, agent="oracle", **more):
+def make_record(task, corruption, score, agent="oracle", **more):
     return {
         "id": f"{task}__{corruption}__s0__{agent}",
         "agent": agent,
@@ -88,9 +88,11 @@ def run_of(folder, *found, episodes=()):
 @pytest.fixture
 def run(tmp_path):
     """Clean 1.0; marks 0.5; network_error 0.25, for the oracle alone."""
-    values = [made(task, "clean", 1.0) for task in "tuvw"]
-    values += [made(task, "marks", score) for task, score in zip("tuvw", (1, 1, 0, 0), strict=True)]
-    values += [made(task, "network_error", float(task == "t")) for task in "tuvw"]
+    values = [make_record(task, "clean", 1.0) for task in "tuvw"]
+    values += [
+        make_record(task, "marks", score) for task, score in zip("tuvw", (1, 1, 0, 0), strict=True)
+    ]
+    values += [make_record(task, "network_error", float(task == "t")) for task in "tuvw"]
     return run_of(tmp_path / "run", *values)
 
 
@@ -98,7 +100,7 @@ def gate_of(*texts, agents=("oracle",), labels=LABELS, junit=None):
     return ReleaseGate.read(texts, junit, agents, labels)
 
 
-def one(text, run):
+def single_verdict(text, run):
     (verdict,) = gate_of(text).verdicts(run)
     return verdict
 
@@ -122,40 +124,50 @@ def one(text, run):
     ],
 )
 def test_every_score_is_compared_with_its_threshold(name, value, run):
-    verdict = one(f"{name}={value - 1e-3}", run)
+    verdict = single_verdict(f"{name}={value - 1e-3}", run)
     assert verdict.value == pytest.approx(value)
     assert verdict.passed
     if value < 1:
-        assert not one(f"{name}={value + 1e-3}", run).passed
+        assert not single_verdict(f"{name}={value + 1e-3}", run).passed
 
 
 def test_retention_is_over_all_pairs_as_in_the_report(tmp_path):
     """Not the mean of the corruptions' means, which have different cases."""
-    items = [made("t", "clean", 1.0), made("u", "clean", 0.5), made("v", "clean", 1.0)]
-    items += [made("t", "marks", 1.0), made("u", "marks", 0.0), made("v", "network_error", 0.5)]
-    items.append(made("w", "marks", 1.0))  # never clean
+    items = [
+        make_record("t", "clean", 1.0),
+        make_record("u", "clean", 0.5),
+        make_record("v", "clean", 1.0),
+    ]
+    items += [
+        make_record("t", "marks", 1.0),
+        make_record("u", "marks", 0.0),
+        make_record("v", "network_error", 0.5),
+    ]
+    items.append(make_record("w", "marks", 1.0))  # never clean
     run = run_of(tmp_path / "run", *items)
-    assert one("retention=0", run).value == pytest.approx(1.5 / 2.5)
-    assert one("delta=-1", run).value == pytest.approx(-1 / 3)
+    assert single_verdict("retention=0", run).value == pytest.approx(1.5 / 2.5)
+    assert single_verdict("delta=-1", run).value == pytest.approx(-1 / 3)
 
 
 def test_rounding_fails_no_gate(run):
-    assert one(f"average={0.1 + 0.2 + 0.28333333333333344}", run).passed
-    assert one("success.marks=0.5", run).passed
+    assert single_verdict(f"average={0.1 + 0.2 + 0.28333333333333344}", run).passed
+    assert single_verdict("success.marks=0.5", run).passed
 
 
 def test_the_lower_end_of_an_interval_is_a_score_too(run, monkeypatch):
     monkeypatch.undo()
     pytest.importorskip("scipy", reason="needs the extra [online]")
-    verdict = one("ci_low.marks=0.4", run)
+    verdict = single_verdict("ci_low.marks=0.4", run)
     assert not verdict.passed
     assert 0 <= verdict.value < 0.4
 
 
 def test_a_line_says_what_is_below_what(run):
-    assert str(one("retention=0.8", run)) == "retention of oracle is 0.375, below 0.8"
-    assert str(one("success=0.8", run)) == "success.clean of oracle is 1.000, at least 0.8"
-    nearly = one("retention=0.3750001", run)
+    assert str(single_verdict("retention=0.8", run)) == "retention of oracle is 0.375, below 0.8"
+    assert (
+        str(single_verdict("success=0.8", run)) == "success.clean of oracle is 1.000, at least 0.8"
+    )
+    nearly = single_verdict("retention=0.3750001", run)
     assert str(nearly) == "retention of oracle is 0.375, below 0.3750001"
 
 
@@ -163,28 +175,28 @@ def test_a_line_says_what_is_below_what(run):
 def test_a_mean_is_not_taken_over_the_conditions_that_happen_to_be_there(name, tmp_path):
     run = run_of(
         tmp_path / "run",
-        made("t", "clean", 1.0),
-        made("t", "marks", 1.0),
-        made("t", "network_error", None, status="invalid", problem="no firewall"),
+        make_record("t", "clean", 1.0),
+        make_record("t", "marks", 1.0),
+        make_record("t", "network_error", None, status="invalid", problem="no firewall"),
     )
-    verdict = one(f"{name}=0", run)
+    verdict = single_verdict(f"{name}=0", run)
     assert not verdict.passed
     assert "cannot be computed, no episode counts" in str(verdict)
     assert f": network_error (oracle:{name}=0)" in str(verdict)
-    assert one("success.marks=0.9", run).passed
-    assert not one("success.network_error=0", run).passed
+    assert single_verdict("success.marks=0.9", run).passed
+    assert not single_verdict("success.network_error=0", run).passed
 
 
 def test_a_gate_is_for_each_agent_or_for_one():
     two = ("a", "my.py:Mine", "do_nothing")
-    both = gate_of("worst=0.5", agents=two).gates
-    assert [gate.agent for gate in both] == ["a", "my.py:Mine"]  # nobody releases do_nothing
+    gates = gate_of("worst=0.5", agents=two).gates
+    assert [gate.agent for gate in gates] == ["a", "my.py:Mine"]  # nobody releases do_nothing
     beside = gate_of("worst=0.5", agents=("my.py:Mine", "pixel", "pixel_onlooker")).gates
     assert [gate.agent for gate in beside] == ["my.py:Mine"]
     yardsticks = gate_of("worst=0.5", agents=("oracle", "do_nothing")).gates
     assert [gate.agent for gate in yardsticks] == ["oracle", "do_nothing"]
-    (mine,) = gate_of("my.py:Mine:success.marks=0.25", agents=AGENTS).gates
-    assert mine == ScoreGate(score="success", label="marks", agent="my.py:Mine", least=0.25)
+    (agent_gate,) = gate_of("my.py:Mine:success.marks=0.25", agents=AGENTS).gates
+    assert agent_gate == ScoreGate(score="success", label="marks", agent="my.py:Mine", least=0.25)
     (dotted,) = gate_of("success.many.marks=1", labels=("clean", "many.marks")).gates
     assert dotted.label == "many.marks"
 
@@ -262,18 +274,20 @@ def validated(path):
 
 
 def test_a_junit_file_has_failures_for_gates_and_errors_for_what_has_no_score(tmp_path):
-    lost = "t__network_error__s0__oracle"
+    lost_id = "t__network_error__s0__oracle"
     items = [
-        made("t", "clean", 1.0),
-        made("t", "marks", 0.0),
-        made("u", "marks", None, status="invalid", problem="not <proved> & \x00\x1b[31m \ud800"),
-        made("u", "clean", None, status="error", cause="agent", problem="raised\nin line 3"),
-        made("t", "clean", 1.0, agent="my.py:Mine"),
+        make_record("t", "clean", 1.0),
+        make_record("t", "marks", 0.0),
+        make_record(
+            "u", "marks", None, status="invalid", problem="not <proved> & \x00\x1b[31m \ud800"
+        ),
+        make_record("u", "clean", None, status="error", cause="agent", problem="raised\nin line 3"),
+        make_record("t", "clean", 1.0, agent="my.py:Mine"),
     ]
-    planned = [*(record["id"].replace("my.py:Mine", "my.py_Mine") for record in items), lost]
+    planned_ids = [*(record["id"].replace("my.py:Mine", "my.py_Mine") for record in items), lost_id]
     for record in items:
         record["problem"] = record["problem"].encode("utf-8", "replace").decode()
-    run = run_of(tmp_path / "run", *items, episodes=planned)
+    run = run_of(tmp_path / "run", *items, episodes=planned_ids)
     path = tmp_path / "new" / "deep" / "junit.xml"
     gate = ReleaseGate.read(
         ["oracle:success.marks=0.5", "my.py:Mine:success=0.5"], path, AGENTS, LABELS
@@ -288,7 +302,7 @@ def test_a_junit_file_has_failures_for_gates_and_errors_for_what_has_no_score(tm
     assert failure.getparent().get("name") == "oracle:success.marks=0.5"
     errors = {case.getparent().get("name"): case for case in root.iter("error")}
     assert errors["u seed 0"].get("type") in ("invalid (machine)", "error (agent)")
-    assert errors[lost].get("type") == "missing"
+    assert errors[lost_id].get("type") == "missing"
     messages = {error.get("message") for error in errors.values()}
     texts = "".join(error.text for error in root.iter("error"))
     assert "raised\nin line 3" in texts
@@ -301,7 +315,11 @@ def test_a_junit_file_has_failures_for_gates_and_errors_for_what_has_no_score(tm
 
 def test_rows_of_a_dataset_that_were_not_scored_are_errors_too(tmp_path):
     ids = [row_slug("t/0", f"000{n}", "clean", 0, "fail") for n in (0, 1)]
-    row = made("t/0", "clean", 1.0, agent="fail") | {"id": ids[0], "task_seed": "0000", "row": "r"}
+    row = make_record("t/0", "clean", 1.0, agent="fail") | {
+        "id": ids[0],
+        "task_seed": "0000",
+        "row": "r",
+    }
     settings = {"kind": "score", "agents": ["fail"], "corruptions": ["clean"]}
     with records.create(tmp_path / "run", settings, ids):
         records.append(tmp_path / "run", row)
@@ -314,8 +332,8 @@ def test_rows_of_a_dataset_that_were_not_scored_are_errors_too(tmp_path):
 
 
 def test_only_the_last_attempt_is_a_test_case(tmp_path):
-    again = made("t", "clean", 1.0, attempt=1) | {"id": "t__clean__s0__oracle__a1"}
-    first = made("t", "clean", None, status="invalid", attempt=0)
+    again = make_record("t", "clean", 1.0, attempt=1) | {"id": "t__clean__s0__oracle__a1"}
+    first = make_record("t", "clean", None, status="invalid", attempt=0)
     run = run_of(tmp_path / "run", first, again, episodes=[first["id"]])
     path = tmp_path / "junit.xml"
     assert gate_of(junit=path).conclude(run)

@@ -95,12 +95,12 @@ def test_seeds_that_end_independently_narrow_an_interval_but_not_to_that_of_as_m
     outcomes = (rng.random((24, 8)) < 0.5).astype(float).ravel().tolist()
     tasks = [number for number in range(24) for _ in range(8)]
     result = s.mean_interval(outcomes, tasks)
-    least, most = (
+    least, highest = (
         s.mean_interval(outcomes, list(range(192))),
         s.mean_interval([1, 0] * 12, range(24)),
     )
     width = result.high - result.low
-    assert least.high - least.low < width < (most.high - most.low) / 1.5
+    assert least.high - least.low < width < (highest.high - highest.low) / 1.5
 
 
 def test_tasks_with_more_episodes_count_for_less_than_as_many_tasks():
@@ -116,9 +116,9 @@ def test_a_loss_of_nothing_is_as_uncertain_as_the_clean_success():
     assert ends(s.difference_interval([1] * 20, [1] * 20, tasks)) == pytest.approx(
         (-unseen, unseen)
     )
-    kept = s.retention_interval([1] * 20, [1] * 20, tasks)
-    assert kept.low == pytest.approx(1 - unseen)
-    assert 1 < kept.high < 1 + 1.3 * unseen
+    retention = s.retention_interval([1] * 20, [1] * 20, tasks)
+    assert retention.low == pytest.approx(1 - unseen)
+    assert 1 < retention.high < 1 + 1.3 * unseen
 
 
 def test_a_pair_of_conditions_that_go_together_is_compared_more_closely():
@@ -130,9 +130,9 @@ def test_a_pair_of_conditions_that_go_together_is_compared_more_closely():
     near, far = (s.difference_interval(clean, after, tasks) for after in (together, apart))
     assert near.value == far.value == -0.125
     assert near.high - near.low < 0.6 * (far.high - far.low)
-    kept, second = (s.retention_interval(clean, after, tasks) for after in (together, apart))
-    assert kept.value == second.value == 0.75
-    assert kept.high - kept.low < 0.6 * (second.high - second.low)
+    retention, second = (s.retention_interval(clean, after, tasks) for after in (together, apart))
+    assert retention.value == second.value == 0.75
+    assert retention.high - retention.low < 0.6 * (second.high - second.low)
 
 
 @pytest.mark.parametrize("seeds", [1, 3])
@@ -176,8 +176,8 @@ def test_no_difference_between_rates_is_greater_than_one():
 
 
 def test_holms_method_is_that_of_its_definition():
-    drawn = np.random.default_rng(5).random(12) ** 3
-    tests = {f"c{number}": float(value) for number, value in enumerate(drawn)}
+    scores = np.random.default_rng(5).random(12) ** 3
+    tests = {f"c{number}": float(value) for number, value in enumerate(scores)}
     expected = {}
     least = 0.0
     for rank, name in enumerate(sorted(tests, key=tests.get)):

@@ -55,11 +55,11 @@ def run(recorded, tmp_path):
 
 
 def go_on(folder):
-    played = Episodes(folder)
+    player = Episodes(folder)
     with no_machine(), records.resume(folder, config(), IDS):
         earlier = attempts(JOBS, records.read(folder).records)
-        runner.run_jobs(JOBS, folder, 1, played, Silent(), earlier)
-    return played.played
+        runner.run_jobs(JOBS, folder, 1, player, Silent(), earlier)
+    return player.played
 
 
 # Where

@@ -89,7 +89,7 @@ def cluster(tmp_path_factory, orders):
 
 
 @pytest.fixture(autouse=True)
-def known(orders, monkeypatch):
+def registered_agents(orders, monkeypatch):
     """What the nodes load by its place is known here; no order is left from another test."""
     monkeypatch.setenv(nodes.FOLDER, str(orders))
     AGENTS.find(nodes.AGENT)
@@ -112,7 +112,7 @@ def bench(seeds=3, **settings):
     )
 
 
-def played(folder, engine="local", chosen=None, address=None, desktops=None):
+def play_run(folder, engine="local", chosen=None, address=None, desktops=None):
     """Run all episodes; what `run_jobs` returned."""
     chosen = chosen or bench()
     listed = jobs(chosen)
@@ -167,11 +167,11 @@ def left_over():
 
 def test_a_node_that_dies_changes_nothing(cluster, orders, tmp_path):
     before = left_over()
-    played(tmp_path / "local", desktops=1)
+    play_run(tmp_path / "local", desktops=1)
     (orders / nodes.SEEN).unlink()
     dying = cluster.add_node(**NODE)
     (orders / "kill_node").write_text(str(raylet(dying)))
-    assert played(tmp_path / "ray", "ray", address=cluster.address) == {"ok": 6}
+    assert play_run(tmp_path / "ray", "ray", address=cluster.address) == {"ok": 6}
     assert (orders / "killed_node").exists()
     assert content(tmp_path / "ray") == content(tmp_path / "local")
     assert len(content(tmp_path / "ray")) > 6 * 4  # records, and files of each episode
@@ -183,7 +183,7 @@ def test_a_node_that_dies_changes_nothing(cluster, orders, tmp_path):
 def test_a_node_that_joins_is_used(cluster, orders, tmp_path):
     (orders / "wait_for").write_text("0")  # nobody's number: all agents wait
     with ThreadPoolExecutor(1) as pool:
-        ended = pool.submit(played, tmp_path / "run", "ray", address=cluster.address)
+        ended = pool.submit(play_run, tmp_path / "run", "ray", address=cluster.address)
         waiting.until(lambda: ended.done() or (orders / nodes.SEEN).exists())
         joined = cluster.add_node(**NODE)
         try:
@@ -213,18 +213,22 @@ def test_a_process_that_is_killed_loses_the_episode_that_it_plays_and_no_other(
                 waiting.until(lambda: is_gone(desktop))  # Ray kills a little later
 
     (orders / "kill_me").touch()  # the first episode
-    chosen = bench(seeds=1)
-    listed = jobs(chosen)
+    config = bench(seeds=1)
+    listed = jobs(config)
     run = tmp_path / "run"
-    records.create(run, chosen.to_data())
-    setup = WorkerSetup(bench=chosen, folder=run, references=references(chosen))
+    records.create(run, config.to_data())
+    setup = WorkerSetup(bench=config, folder=run, references=references(config))
     with open_pool("ray", setup, len(listed), 1, cluster.address) as pool:
         assert run_jobs(listed, run, 1, pool, Kills(), reserve=pool.reserve) == {"ok": 2}
-    lost, again, second = records.read(run).records
-    assert (lost["status"], lost["cause"], lost["score"]) == ("error", "machine", None)
-    assert "the process that played the episode on" in lost["problem"]
-    assert not (run / "episodes" / lost["id"]).exists()
-    assert (again["id"], again["status"]) == (f"{lost['id']}__a1", "ok")
+    lost_record, again, second = records.read(run).records
+    assert (lost_record["status"], lost_record["cause"], lost_record["score"]) == (
+        "error",
+        "machine",
+        None,
+    )
+    assert "the process that played the episode on" in lost_record["problem"]
+    assert not (run / "episodes" / lost_record["id"]).exists()
+    assert (again["id"], again["status"]) == (f"{lost_record['id']}__a1", "ok")
     assert (second["attempt"], second["status"]) == (0, "ok")
 
 
@@ -243,7 +247,7 @@ def test_a_node_that_cannot_import_the_actor(cluster, tmp_path, monkeypatch):
     (tmp_path / "only_here.py").unlink()
     expected = "a node cannot start a desktop .*only_here.*install the same agenthijack"
     with pytest.raises(ClusterError, match=expected):
-        played(tmp_path / "run", "ray", address=cluster.address, desktops=1)
+        play_run(tmp_path / "run", "ray", address=cluster.address, desktops=1)
 
 
 AGENT_FILE = """
@@ -258,10 +262,10 @@ parser: pyautogui
 def test_a_key_that_a_node_lacks_is_named_and_never_sent(cluster, tmp_path, monkeypatch):
     monkeypatch.setenv("AGENTHIJACK_TEST_KEY", "very-secret-0123")
     (tmp_path / "mine.yaml").write_text(AGENT_FILE)
-    chosen = bench(agents=(AGENTS.find(str(tmp_path / "mine.yaml")),))
+    config = bench(agents=(AGENTS.find(str(tmp_path / "mine.yaml")),))
     (tmp_path / "mine.yaml").unlink()  # what was read of it travels
     with pytest.raises(ClusterError, match=r"node \S+: .*AGENTHIJACK_TEST_KEY"):
-        played(tmp_path / "run", "ray", chosen, cluster.address, desktops=1)
+        play_run(tmp_path / "run", "ray", config, cluster.address, desktops=1)
     logs = Path(cluster.head_node.get_session_dir_path())
     paths = [path for path in logs.rglob("*") if path.is_file()]
     assert paths
@@ -273,26 +277,26 @@ def test_nodes_without_room(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr(ray_pool, "BYTES_PER_DESKTOP", 2**50)
     expected = r"no node .* 1 CPU and 1.04858e\+06 GiB of memory \(\S+ has 1 CPUs and 1.5 GiB"
     with pytest.raises(ClusterError, match=expected):
-        played(tmp_path / "run", "ray", address=cluster.address)
+        play_run(tmp_path / "run", "ray", address=cluster.address)
 
 
 @pytest.mark.parametrize("address", ["127.0.0.1:1", "ray://127.0.0.1:10001"])
 def test_a_cluster_that_is_not_there(address, tmp_path):
     with pytest.raises(ClusterError, match=f"Ray at '{address}' cannot be used: "):
-        played(tmp_path / "run", "ray", address=address)
+        play_run(tmp_path / "run", "ray", address=address)
 
 
 def test_without_ray(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(MissingDependencyError, match=r"pip install .*\[ray\]'"):
-        played(tmp_path / "run", "ray")
+        play_run(tmp_path / "run", "ray")
 
 
 def test_engines_that_are_not_there(tmp_path):
     with pytest.raises(UnknownNameError, match=r"engine 'rya'; did you mean 'ray'"):
-        played(tmp_path / "one", "rya")
+        play_run(tmp_path / "one", "rya")
     with pytest.raises(ParameterError, match=r"--ray-address auto is for --engine ray"):
-        played(tmp_path / "two", address="auto")
+        play_run(tmp_path / "two", address="auto")
 
 
 def test_room_is_counted_in_cores_and_memory():
@@ -305,16 +309,18 @@ def test_room_is_counted_in_cores_and_memory():
 
 
 def test_a_node_with_other_software_or_another_file_is_refused(tmp_path, monkeypatch):
-    mine = tmp_path / "mine.py"
-    mine.write_text("class Mine:\n    def predict(self, a, b): return '', []\n")
-    chosen = bench(agents=(AGENTS.find(f"{mine}:Mine"),))
-    setup = WorkerSetup(bench=chosen, folder=tmp_path, references=references(chosen))
+    agent_file = tmp_path / "mine.py"
+    agent_file.write_text("class Mine:\n    def predict(self, a, b): return '', []\n")
+    config = bench(agents=(AGENTS.find(f"{agent_file}:Mine"),))
+    setup = WorkerSetup(bench=config, folder=tmp_path, references=references(config))
     packed = worker_bundle.pack(setup)
-    mine.write_text("class Mine:\n    def predict(self, a, b): return '', ['DONE']\n")
-    with pytest.raises(ClusterError, match=f"{mine}: .*every node needs this file"):
+    agent_file.write_text("class Mine:\n    def predict(self, a, b): return '', ['DONE']\n")
+    with pytest.raises(ClusterError, match=f"{agent_file}: .*every node needs this file"):
         worker_bundle.unpack(packed, tmp_path / "node")
-    mine.unlink()
-    with pytest.raises(ClusterError, match=f"{mine}: .*No such file.*every node needs this file"):
+    agent_file.unlink()
+    with pytest.raises(
+        ClusterError, match=f"{agent_file}: .*No such file.*every node needs this file"
+    ):
         worker_bundle.unpack(packed, tmp_path / "node")
     monkeypatch.setattr(worker_bundle, "software", lambda: {**packed.software, "numpy": "1.0"})
     with pytest.raises(ClusterError, match=r"has numpy 1.0 instead of .*install the same"):
@@ -333,11 +339,11 @@ def test_agent_files_prompts_and_logs_travel(tmp_path, monkeypatch):
     for folder, name in texts.items():
         (tmp_path / folder).mkdir(parents=True)
         (tmp_path / folder / name).write_text(f"of {folder}")
-    chosen = bench(agents=("mine",))
+    config = bench(agents=("mine",))
     models = ModelOptions(prompts=tmp_path / "prompts", replay=tmp_path / "log")
     agent = read_agent("gpt-4o")
     AGENTS.add(FileAgentMaker(replace(agent, prompts=str(tmp_path / "own"))), "mine")
-    packed = worker_bundle.pack(WorkerSetup(bench=chosen, folder=tmp_path, models=models))
+    packed = worker_bundle.pack(WorkerSetup(bench=config, folder=tmp_path, models=models))
     shutil.rmtree(tmp_path / "own")
     (tmp_path / "node").mkdir()
     setup = worker_bundle.unpack(packed, tmp_path / "node")

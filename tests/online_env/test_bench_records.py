@@ -83,9 +83,9 @@ def run(tmp_path):
 def test_each_line_names_the_line_before_it_and_the_record_in_its_folder(run):
     """However many are written at once, and whatever is in them."""
     first = made("a", "t", reason="\u2028 and \ud800")
-    kept = run / "episodes" / first["id"] / "episode.json"
-    kept.parent.mkdir(parents=True)
-    kept.write_text("{}")
+    episode_path = run / "episodes" / first["id"] / "episode.json"
+    episode_path.parent.mkdir(parents=True)
+    episode_path.write_text("{}")
     records.append_all(run, [first, made("a", "u")])
     records.append_all(run, [])
     records.append(run, made("a", "v"))
@@ -104,9 +104,9 @@ def ended(folder, task, attempt, **more):
     """Leave the folder of an episode that ended before its line was written."""
     record = {**made("a", task, **more), "attempt": attempt}
     record["id"] += f"__a{attempt}" if attempt else ""
-    place = folder / "episodes" / record["id"] / "episode.json"
-    place.parent.mkdir(parents=True)
-    place.write_text(json.dumps(record))
+    path = folder / "episodes" / record["id"] / "episode.json"
+    path.parent.mkdir(parents=True)
+    path.write_text(json.dumps(record))
     return record["id"]
 
 
@@ -127,13 +127,13 @@ def test_records_of_a_run_whose_head_is_gone_are_not_taken_for_those_of_a_new_on
     """They may be of another dataset or agent, and each would count as played already."""
     folder = run_of(tmp_path / "run", [made("a", "t", score=1.0)])
     (folder / "run.json").unlink()
-    kept = (folder / "records.jsonl").read_bytes()
+    journal_bytes = (folder / "records.jsonl").read_bytes()
     for begin in (records.create, records.resume):
         with pytest.raises(RunError) as error:
             begin(folder, CONFIG, ["t-0__clean__s0__a"])
         output = f"{folder}: is not empty (records.jsonl ...); give --out a new folder"
         assert str(error.value) == output
-    assert (folder / "records.jsonl").read_bytes() == kept
+    assert (folder / "records.jsonl").read_bytes() == journal_bytes
     (folder / "records.jsonl").write_bytes(b"")
     records.resume(folder, CONFIG, ["t-0__clean__s0__a"]).release()
     assert read(folder).missing == 1
@@ -314,7 +314,7 @@ def test_a_run_that_goes_on_counts_itself_once(tmp_path):
 # What models cost
 
 
-def used(**more):
+def record_with_usage(**more):
     return made("a", "t", usage={"requests": 2, "input_tokens": 10, "output_tokens": 3, **more})
 
 
@@ -323,10 +323,19 @@ def used(**more):
     [
         ([], ""),
         ([made("a", "t"), made("a", "t", usage={"turns": 3})], ""),
-        ([used(usd=0.5), used(usd=0.254)], "4 requests, 20 tokens read, 6 written, 0.75 USD"),
-        ([used(usd=0.5), used()], "4 requests, 20 tokens read, 6 written, price not known"),
-        ([used(usd=0.5), made("a", "t")], "2 requests, 10 tokens read, 3 written, 0.50 USD"),
-        ([used(usd=1, requests=True)], ""),
+        (
+            [record_with_usage(usd=0.5), record_with_usage(usd=0.254)],
+            "4 requests, 20 tokens read, 6 written, 0.75 USD",
+        ),
+        (
+            [record_with_usage(usd=0.5), record_with_usage()],
+            "4 requests, 20 tokens read, 6 written, price not known",
+        ),
+        (
+            [record_with_usage(usd=0.5), made("a", "t")],
+            "2 requests, 10 tokens read, 3 written, 0.50 USD",
+        ),
+        ([record_with_usage(usd=1, requests=True)], ""),
     ],
 )
 def test_a_line_sums_what_models_were_asked(found, said):

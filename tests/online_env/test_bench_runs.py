@@ -25,7 +25,9 @@ CONFIG = {
 }
 
 
-def made(task="t", corruption="clean", status="ok", score=1.0, agent="oracle", seed=0, **more):
+def make_record(
+    task="t", corruption="clean", status="ok", score=1.0, agent="oracle", seed=0, **more
+):
     """A record with what the report reads."""
     score = score if status == "ok" else None
     return {
@@ -61,17 +63,17 @@ def hijack(*words):
 
 
 def test_a_run_begins_in_a_new_folder_and_never_over_another(tmp_path):
-    place = tmp_path / "deep" / "run"
-    records.create(place, CONFIG)
-    head = json.loads((place / "run.json").read_text())
+    path = tmp_path / "deep" / "run"
+    records.create(path, CONFIG)
+    head = json.loads((path / "run.json").read_text())
     assert (head["format"], head["version"], head["config"]) == ("agenthijack-run", 3, CONFIG)
     assert {"agenthijack", "python", "numpy"} <= head["versions"].keys()
     assert head["created"] > 1.7e9
-    records.append(place, made())
-    before = (place / "records.jsonl").read_bytes()
+    records.append(path, make_record())
+    before = (path / "records.jsonl").read_bytes()
     with pytest.raises(RunError, match="holds a run already"):
-        records.create(place, CONFIG)
-    assert (place / "records.jsonl").read_bytes() == before
+        records.create(path, CONFIG)
+    assert (path / "records.jsonl").read_bytes() == before
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "thesis.tex").touch()
     with pytest.raises(RunError, match=r"is not empty \(thesis.tex"):
@@ -82,30 +84,34 @@ def test_a_run_begins_in_a_new_folder_and_never_over_another(tmp_path):
 
 
 def test_records_come_back_as_they_were_appended(folder):
-    written = [made(), made(corruption="few", status="invalid"), made("Ω\n", score=0.25)]
-    for record in written:
+    new_records = [
+        make_record(),
+        make_record(corruption="few", status="invalid"),
+        make_record("Ω\n", score=0.25),
+    ]
+    for record in new_records:
         records.append(folder, record)
     run = records.read(folder)
-    assert (run.records, run.damaged, run.config) == (written, [], CONFIG)
+    assert (run.records, run.damaged, run.config) == (new_records, [], CONFIG)
     assert (folder / "records.jsonl").read_bytes().count(b"\n") == 3
 
 
 def test_damaged_lines_are_named_and_skipped(folder):
-    records.append(folder, made())
+    records.append(folder, make_record())
     with open(folder / "records.jsonl", "ab") as handle:
         for line in (
             b'{"agent": "or',
             b"[]",
             b"\xff\xfe",
             b"",
-            json.dumps(made(score=7)).encode(),
-            json.dumps({**made(), "seed": "0"}).encode(),
-            json.dumps(made(status="fine")).encode(),
+            json.dumps(make_record(score=7)).encode(),
+            json.dumps({**make_record(), "seed": "0"}).encode(),
+            json.dumps(make_record(status="fine")).encode(),
             b"[" * 100_000,
             b"1" * 5000,
         ):
             handle.write(line + b"\n")
-    records.append(folder, made("u"))
+    records.append(folder, make_record("u"))
     run = records.read(folder)
     assert [r["task"] for r in run.records] == ["t", "u"]
     assert [d.line for d in run.damaged] == [2, 3, 4, 6, 7, 8, 9, 10]
@@ -141,14 +147,14 @@ def test_what_is_no_run_is_refused(content, words, tmp_path):
 
 def test_rows_hold_the_contract_and_pair_with_clean():
     listed = [
-        made("t", score=1.0),
-        made("u", score=1.0),
-        made("v", score=0.0),
-        made("t", "few", score=0.0),
-        made("u", "few", score=0.5),
-        made("v", "few", status="invalid"),
-        made("t", "few", agent="b", status="error"),
-        made("t", agent="b", score=0.0),
+        make_record("t", score=1.0),
+        make_record("u", score=1.0),
+        make_record("v", score=0.0),
+        make_record("t", "few", score=0.0),
+        make_record("u", "few", score=0.5),
+        make_record("v", "few", status="invalid"),
+        make_record("t", "few", agent="b", status="error"),
+        make_record("t", agent="b", score=0.0),
     ]
     rows = scores.rows(listed, ["b", "oracle"], ["clean", "few"])
     assert [(r["agent"], r["corruption"]) for r in rows] == [
@@ -175,13 +181,17 @@ def test_rows_hold_the_contract_and_pair_with_clean():
 
 
 def test_only_the_last_attempt_counts():
-    listed = [made(status="invalid"), made(score=1.0, attempt=1), made(status="invalid", seed=1)]
+    listed = [
+        make_record(status="invalid"),
+        make_record(score=1.0, attempt=1),
+        make_record(status="invalid", seed=1),
+    ]
     (row,) = scores.rows(listed)
     assert (row["n"], row["success"], row["invalid"]) == (1, 1.0, 1)
 
 
 def test_nothing_but_invalid_episodes_has_no_success():
-    (row,) = scores.rows([made(status="invalid")])
+    (row,) = scores.rows([make_record(status="invalid")])
     assert (row["n"], row["success"], row["delta"], row["invalid"]) == (0, None, None, 1)
 
 
@@ -198,7 +208,9 @@ CASES = st.tuples(
 @settings(max_examples=60, deadline=None)
 @given(st.lists(CASES, max_size=40))
 def test_rows_count_every_case_once(drawn):
-    listed = [made(t, c, status, quarter / 4, a, seed) for t, c, a, status, quarter, seed in drawn]
+    listed = [
+        make_record(t, c, status, quarter / 4, a, seed) for t, c, a, status, quarter, seed in drawn
+    ]
     rows = scores.rows(listed)
     assert sum(row["n"] + row["invalid"] for row in rows) == len(scores.latest(listed))
     assert len({(row["agent"], row["corruption"]) for row in rows}) == len(rows)
@@ -216,21 +228,23 @@ def test_intervals_and_p_rest_on_tasks_and_p_is_adjusted_for_all_corruptions():
     for number in range(8):
         for seed in (0, 1):
             name = f"t{number}-{seed}"
-            items.append(made(name, seed=seed))
-            items.append(made(name, "few", score=0.0, seed=seed))
-            items.append(made(name, "some", score=float(number % 2), seed=seed))
-    clean, few, some = scores.rows(items)
+            items.append(make_record(name, seed=seed))
+            items.append(make_record(name, "few", score=0.0, seed=seed))
+            items.append(make_record(name, "some", score=float(number % 2), seed=seed))
+    clean, few, some_row = scores.rows(items)
     assert (clean["success"], clean["delta"], clean["p"]) == (1.0, None, None)
     assert clean["ci_low"] == pytest.approx(1 - 0.3244, abs=1e-3)  # Wilson's for 0 of 8 tasks
     assert few["p"] == pytest.approx(2 * 2 / 2**8)
-    assert some["p"] == pytest.approx(2 / 2**4)
-    assert (some["delta"], some["retention"]) == (-0.5, 0.5)
-    assert -1 < some["delta_low"] < -0.5 < some["delta_high"] < 0
+    assert some_row["p"] == pytest.approx(2 / 2**4)
+    assert (some_row["delta"], some_row["retention"]) == (-0.5, 0.5)
+    assert -1 < some_row["delta_low"] < -0.5 < some_row["delta_high"] < 0
     assert list(clean) == list(scores.COLUMNS)
 
 
 def test_the_summary_of_an_agent():
-    table = scores.rows([made(), made(corruption="few", score=0.0), made(corruption="some")])
+    table = scores.rows(
+        [make_record(), make_record(corruption="few", score=0.0), make_record(corruption="some")]
+    )
     assert scores.summaries(table) == [
         {
             "agent": "oracle",
@@ -241,16 +255,16 @@ def test_the_summary_of_an_agent():
             "paper_average": pytest.approx(2 / 3),
         }
     ]
-    (alone,) = scores.summaries(scores.rows([made()]))
+    (alone,) = scores.summaries(scores.rows([make_record()]))
     assert (alone["corrupted"], alone["worst"], alone["paper_average"]) == (None, None, 1.0)
 
 
 def test_report_as_json_and_as_a_table(folder):
     for record in (
-        made(),
-        made(corruption="few", score=0.0),
-        made("u"),
-        made("u", "few", score=1.0),
+        make_record(),
+        make_record(corruption="few", score=0.0),
+        make_record("u"),
+        make_record("u", "few", score=1.0),
     ):
         records.append(folder, record)
     result = hijack("report", folder, "--json")
@@ -268,8 +282,8 @@ def test_report_as_json_and_as_a_table(folder):
 
 
 def test_report_tells_infeasible_tasks_apart(folder):
-    records.append(folder, made(infeasible=False))
-    records.append(folder, made("u", score=0.0, infeasible=True))
+    records.append(folder, make_record(infeasible=False))
+    records.append(folder, make_record("u", score=0.0, infeasible=True))
     text = hijack("report", folder, "--full").stdout
     assert "feasible tasks" in text
     assert text.split("infeasible tasks")[1].split("clean")[1].split()[:2] == ["1", "0.0"]
@@ -277,12 +291,12 @@ def test_report_tells_infeasible_tasks_apart(folder):
 
 
 def test_report_names_what_is_invalid_failed_or_damaged(folder):
-    records.append(folder, made())
-    records.append(folder, made(corruption="few", status="invalid"))
+    records.append(folder, make_record())
+    records.append(folder, make_record(corruption="few", status="invalid"))
     result = hijack("report", folder)
     assert result.returncode == 1
     assert "invalid: t-few: because" in result.stdout
-    (folder / "records.jsonl").write_text(json.dumps(made()) + '\n{"cut')
+    (folder / "records.jsonl").write_text(json.dumps(make_record()) + '\n{"cut')
     result = hijack("report", folder, "--json")
     assert result.returncode == 1
     assert f"{folder}/records.jsonl:2: skipped" in result.stderr
@@ -327,10 +341,10 @@ def test_bench_dry_run_and_refusals(tmp_path):
 def test_a_dry_run_says_what_is_left_in_its_folder(tmp_path):
     """And refuses what the run itself would refuse; it changes nothing."""
     words = ["embedded_small", "--agent", "oracle", "--corruptions", "clean,marks"]
-    chosen = override(load_bench("embedded_small"), agent="oracle", corruption="clean,marks")
-    listed = jobs(chosen)
+    config = override(load_bench("embedded_small"), agent="oracle", corruption="clean,marks")
+    listed = jobs(config)
     run = tmp_path / "run"
-    records.create(run, chosen.to_data(), [job.id for job in listed]).release()
+    records.create(run, config.to_data(), [job.id for job in listed]).release()
     first = listed[0]
     agent, task, label, seed = first.key
     entries = {"id": first.id, "agent": agent, "task": task, "task_seed": seed, "seed": seed}
@@ -370,11 +384,11 @@ def test_invalid_episodes_are_run_again_then_reported(folder):
     job = Job("oracle", "t", "few", 0)
     answers = iter(
         [
-            made(id="a", status="invalid"),
-            made(id="b", score=0.5),
-            made(id="c", status="invalid"),
-            made(id="d", status="invalid"),
-            made(id="e", status="error"),
+            make_record(id="a", status="invalid"),
+            make_record(id="b", score=0.5),
+            make_record(id="c", status="invalid"),
+            make_record(id="d", status="invalid"),
+            make_record(id="e", status="error"),
         ]
     )
     log = Log()
@@ -409,7 +423,7 @@ def test_what_was_done_is_on_the_disk_before_the_next_begins(folder):
         calls.append(len(records.read(folder).records))
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return made(id=str(len(calls)))
+        return make_record(id=str(len(calls)))
 
     with pytest.raises(KeyboardInterrupt):
         runner.run_jobs([Job("oracle", "t", "clean", 0)] * 5, folder, 1, episode, Log())
@@ -419,12 +433,12 @@ def test_what_was_done_is_on_the_disk_before_the_next_begins(folder):
 
 def test_a_budget_counts_what_was_spent_before_and_reads_the_journal_no_more(folder, monkeypatch):
     spent = {"requests": 1, "input_tokens": 10, "output_tokens": 2, "usd": 0.4}
-    budget = costs.Budget(1.0, [made(usage=spent)])
+    budget = costs.Budget(1.0, [make_record(usage=spent)])
     monkeypatch.setattr(records, "read", lambda _: pytest.fail("the journal was read again"))
     jobs = [Job("oracle", "t", "clean", seed) for seed in range(4)]
 
     def episode(job, attempt):
-        return made(id=str(job.seed), usage=spent)
+        return make_record(id=str(job.seed), usage=spent)
 
     with pytest.raises(CostLimitError, match=r"has cost 1\.2000 USD, and --max-cost is 1:"):
         runner.run_jobs(jobs, folder, 0, episode, Log(), budget=budget)
@@ -434,6 +448,6 @@ def test_a_budget_counts_what_was_spent_before_and_reads_the_journal_no_more(fol
 
 def test_a_budget_is_not_kept_by_what_costs_nobody_knows_how_much():
     spent = {"requests": 3, "input_tokens": 0, "output_tokens": 0, "usd": None}
-    costs.Budget(1.0, [made(usage=None), made(usage={"turns": 5})]).check()
+    costs.Budget(1.0, [make_record(usage=None), make_record(usage={"turns": 5})]).check()
     with pytest.raises(CostLimitError, match="what episode t-clean cost is not known"):
-        costs.Budget(1.0, [made(usage=spent)]).check()
+        costs.Budget(1.0, [make_record(usage=spent)]).check()

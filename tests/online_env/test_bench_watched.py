@@ -95,9 +95,9 @@ def test_an_episode_that_takes_longer_than_its_limit_is_ended_after_the_answer(
     ],
 )
 def test_options_of_models_are_refused_where_no_agent_asks_one(options, named):
-    chosen = models.ModelOptions(**options)
+    model_options = models.ModelOptions(**options)
     with pytest.raises(AgentSetupError) as error:
-        models.prepare(Bench(agents=("oracle", "random")), chosen, None)
+        models.prepare(Bench(agents=("oracle", "random")), model_options, None)
     assert str(error.value) == f"{named} is for agents of files, and there is none"
     models.prepare(Bench(agents=("oracle", "random")), models.ModelOptions(), None)
 

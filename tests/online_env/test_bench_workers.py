@@ -63,9 +63,9 @@ def test_jobs_run_side_by_side_and_each_is_recorded_once(folder):
     with pool_in(folder) as pool:
         ended = run_jobs(listed, folder, 1, pool, log, at_once=2, stop=pool.stop)
     assert ended == {"ok": 6}
-    kept = records.read(folder).records
-    assert sorted(record["task"] for record in kept) == [f"t{n}" for n in range(6)]
-    assert len({record["process"] for record in kept}) == 2
+    stored_records = records.read(folder).records
+    assert sorted(record["task"] for record in stored_records) == [f"t{n}" for n in range(6)]
+    assert len({record["process"] for record in stored_records}) == 2
     assert sorted(log.lines) == sorted(
         [("begins", n, 0) for n in range(1, 7)] + [("ended", n, 0) for n in range(1, 7)]
     )
@@ -76,9 +76,13 @@ def test_a_process_that_is_killed_loses_its_episode_which_is_played_again(folder
     with pool_in(folder) as pool:
         ended = run_jobs([job("t"), job("killed_once")], folder, 1, pool, Log())
     assert ended == {"ok": 2}
-    first, lost, again = records.read(folder).records
-    assert (lost["status"], lost["cause"], lost["score"]) == ("error", "machine", None)
-    assert "ended (exit code -9)" in lost["problem"]
+    first, lost_record, again = records.read(folder).records
+    assert (lost_record["status"], lost_record["cause"], lost_record["score"]) == (
+        "error",
+        "machine",
+        None,
+    )
+    assert "ended (exit code -9)" in lost_record["problem"]
     assert (again["status"], again["attempt"]) == ("ok", 1)
     assert again["process"] != first["process"]
 

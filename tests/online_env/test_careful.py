@@ -55,10 +55,10 @@ def test_a_window_without_a_button_cannot_be_restored() -> None:
 
 @pytest.mark.parametrize(("other", "closed"), [("xfce4-appfinder", False), ("galculator", True)])
 def test_what_the_hand_may_have_opened_itself_is_not_in_its_way(other: str, closed: bool) -> None:
-    opened = f'<application name="{other}"><frame name="it" {PLACE}/></application>'
+    with_window = f'<application name="{other}"><frame name="it" {PLACE}/></application>'
     result = tree(SHOWN)
     desktop = Trees(
-        [result.replace("</desktop-frame>", f"{opened}</desktop-frame>"), result, result]
+        [result.replace("</desktop-frame>", f"{with_window}</desktop-frame>"), result, result]
     )
     hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=0.3)
     hand.press("ctrl", "a")
@@ -158,8 +158,8 @@ def two_windows(front: str) -> str:
     )
     places = {"Inbox": (300, 1062), "Untitled": (500, 1062)}
     buttons = "".join(
-        f'<toggle-button name="{title}" {PLACE.replace("(100, 200)", str(place))}/>'
-        for title, place in places.items()
+        f'<toggle-button name="{title}" {PLACE.replace("(100, 200)", str(box))}/>'
+        for title, box in places.items()
     )
     return (
         f'<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">'
@@ -225,9 +225,9 @@ TO, ADDRESS = "(300, 300)", "(500, 500)"
 def fields(to: str, focused: str = "To", role: str = "entry") -> str:
     """Return a tree with two fields, of which one has the keyboard."""
     result = "".join(
-        f'<{role} name="{name}" {PLACE.replace("(100, 200)", place)}'
+        f'<{role} name="{name}" {PLACE.replace("(100, 200)", box)}'
         f' st:{"focused" if name == focused else "enabled"}="true">{text}</{role}>'
-        for name, place, text in (("To", TO, to), ("Address", ADDRESS, "shop.test"))
+        for name, box, text in (("To", TO, to), ("Address", ADDRESS, "shop.test"))
     )
     return office(SHEET + result)
 
@@ -289,10 +289,10 @@ def test_the_dialogs_of_a_helper_belong_to_the_application() -> None:
         f'<desktop-frame xmlns:st="{SPACE}/state" xmlns:cp="{SPACE}/component" name="main">'
         f"{window}</desktop-frame>"
     )
-    for apps, closed in ((["chrome"], False), (["thunar"], True)):
+    for apps, is_closed in ((["chrome"], False), (["thunar"], True)):
         desktop = Trees([text])
         careful_hand.CarefulHand(desktop, apps, timeout=0.3).type("x")
-        assert ("pyautogui.hotkey('alt', 'f4')" in desktop.ran) == closed
+        assert ("pyautogui.hotkey('alt', 'f4')" in desktop.ran) == is_closed
 
 
 @pytest.mark.parametrize("focused", ["", "Sheet"])
@@ -328,9 +328,9 @@ WINDOWS_BUTTON = BUTTON.replace("VLC media player", "song - VLC media player")
 
 
 def test_a_menu_that_a_disturbance_closed_is_not_clicked_on() -> None:
-    opened = tree(f'{SHOWN}<menu-item name="Quit" {PLACE}/>')
+    with_window = tree(f'{SHOWN}<menu-item name="Quit" {PLACE}/>')
     hidden = tree(f'{MINIMISED}<menu-item name="Quit" {PLACE}/>', WINDOWS_BUTTON)
-    desktop = Trees([opened])
+    desktop = Trees([with_window])
     hand = careful_hand.CarefulHand(desktop, ["vlc"], timeout=0.3)
     item = hand.find("menu-item", "Quit")
     desktop.trees = [hidden, tree(SHOWN)]
@@ -400,10 +400,13 @@ def test_a_program_is_started_again_only_if_its_window_stays_away(later: str, st
 
 
 def test_a_click_that_got_lost_is_done_again_and_one_that_arrived_is_not() -> None:
-    closed = office(SHEET)
-    opened = office(SHEET + f'<menu-item name="Save" {PLACE}/>')
+    without_menu = office(SHEET)
+    with_window = office(SHEET + f'<menu-item name="Save" {PLACE}/>')
     click = "pyautogui.click(140, 250)"
-    for trees, ran in (([closed, closed, opened], [click, click]), ([closed, opened], [click])):
+    for trees, ran in (
+        ([without_menu, without_menu, with_window], [click, click]),
+        ([without_menu, with_window], [click]),
+    ):
         desktop = Trees(trees)
         hand = careful_hand.CarefulHand(desktop, ["libreoffice_calc"], timeout=5)
         hand.run(click)
@@ -414,10 +417,10 @@ def test_a_click_that_got_lost_is_done_again_and_one_that_arrived_is_not() -> No
 def test_a_click_beside_its_target_is_done_again_once_an_escape_brought_back_what_was_there() -> (
     None
 ):
-    closed = office(SHEET)
+    without_menu = office(SHEET)
     second = office(SHEET + f'<menu-item name="Print" {PLACE}/>')
-    opened = office(SHEET + f'<menu-item name="Save" {PLACE}/>')
-    desktop = Trees([closed, second, closed, opened])
+    with_window = office(SHEET + f'<menu-item name="Save" {PLACE}/>')
+    desktop = Trees([without_menu, second, without_menu, with_window])
     hand = careful_hand.CarefulHand(desktop, ["libreoffice_calc"], timeout=5)
     hand.run("pyautogui.click(140, 250)")
     hand.find("menu-item", "Save")

@@ -131,15 +131,15 @@ def test_a_minimised_window_without_a_button_stays() -> None:
 
 def test_a_foreign_window_gets_the_keyboard_and_is_closed() -> None:
     foreign = ("galculator", node("frame", "Calculator"))
-    both = screen(WINDOW, foreign)
-    hand, ran = hand_on(both, both, screen(WINDOW))
+    two_windows = screen(WINDOW, foreign)
+    hand, ran = hand_on(two_windows, two_windows, screen(WINDOW))
     hand.press("a")
     assert ran == [
         "pyautogui.click(140, 210)",
         "pyautogui.hotkey('alt', 'f4')",
         "pyautogui.hotkey('a')",
     ]
-    hand, ran = hand_on(both, apps=())  # nothing is known of what belongs to the task
+    hand, ran = hand_on(two_windows, apps=())  # nothing is known of what belongs to the task
     hand.press("a")
     assert ran == ["pyautogui.hotkey('a')"]
 

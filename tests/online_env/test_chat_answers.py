@@ -32,7 +32,7 @@ TOOLS = {
 }
 
 
-def whole(client):
+def full_answer(client):
     """An answer of an API with all that it may have."""
     if client == "openai":
         return chat(("x", Call("n", {"a": 1}), Refusal("no")))
@@ -79,10 +79,10 @@ def test_whatever_is_wrong_in_an_answer_it_is_an_error_of_the_endpoint_or_can_be
     tool = {"anthropic": "computer_20251124", "openai_computer": "computer"}.get(client)
     settings = ModelSettings(model="m", client=client, tool=tool)
     went_on = 0
-    for path in places(whole(client)):
+    for path in places(full_answer(client)):
         for junk in (None, True, 0, 1.5, "", "x", {}, [], [1], ["x"], {"a": 1}, ...):
             try:
-                reply = wire.read(damaged(whole(client), path, junk))
+                reply = wire.read(damaged(full_answer(client), path, junk))
             except EndpointError:
                 continue
             ReplyParser(dialect=dialect).read(reply, SIZE)
@@ -90,8 +90,8 @@ def test_whatever_is_wrong_in_an_answer_it_is_an_error_of_the_endpoint_or_can_be
             body = wire.body(
                 ModelQuery(prompt=Prompt(), picture=screen_picture, turns=(turn,)), settings
             )
-            sent = json.dumps(wired(body))
-            assert '_id": null' not in sent, (path, junk)
+            body_text = json.dumps(wired(body))
+            assert '_id": null' not in body_text, (path, junk)
             went_on += 1
     assert went_on > 100
 

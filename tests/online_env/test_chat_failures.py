@@ -142,9 +142,9 @@ def test_a_key_that_an_endpoint_repeats_is_written_nowhere(
             value = "".join(traceback.format_exception(error))
     files = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
     assert len(files) >= 3
-    written = [value, json.dumps(record), caplog.text, *capfd.readouterr()]
+    texts = [value, json.dumps(record), caplog.text, *capfd.readouterr()]
     for form in (KEY, KEY.replace("/", "\\/")):
-        assert not [text for text in written if form in text]
+        assert not [text for text in texts if form in text]
         assert not [path for path, data in files.items() if form.encode() in data]
 
 

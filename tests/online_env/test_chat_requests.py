@@ -67,8 +67,8 @@ def test_the_key_is_that_of_the_environment(tmp_path, monkeypatch):
         url = endpoint.url.removesuffix("/v1")
         play(agent_of(tmp_path, url, api_key_env="MY_KEY", client="anthropic"), 1)
     assert endpoint.headers[0]["authorization"] == "Bearer k-123"
-    sent = {endpoint.headers[1].get(name) for name in ("x-api-key", "authorization")}
-    assert sent & {"k-123", "Bearer k-123"}, (
+    key_headers = {endpoint.headers[1].get(name) for name in ("x-api-key", "authorization")}
+    assert key_headers & {"k-123", "Bearer k-123"}, (
         "one header or the other, as the client's version has it"
     )
 
@@ -134,9 +134,9 @@ def test_openais_computer_tool(tmp_path, tool):
     call = Call("computer", [click, {"type": "wait"}] if tool == "computer" else click)
     keys = {"client": "openai_computer", "prompt": "openai", "parser": "openai", "tool": tool}
     with serving(call, call, "The task is DONE") as endpoint:
-        played = play(agent_of(tmp_path, endpoint.url, **keys), 3)
+        rollouts = play(agent_of(tmp_path, endpoint.url, **keys), 3)
     expected = ["pyautogui.click(1, 2)", "WAIT"][: 2 if tool == "computer" else 1]
-    assert [actions for _, actions in played] == [expected, expected, ["DONE"]]
+    assert [actions for _, actions in rollouts] == [expected, expected, ["DONE"]]
     first, second, _ = endpoint.asked
     assert first["tools"][0]["type"] == tool
     assert ("display_width" in first["tools"][0]) is (tool != "computer")

@@ -67,8 +67,8 @@ class Run:
         """Run into a folder; returns the output and the records."""
         out = self.folder / name
         AGENTS.entries.pop(str(self.agent), None)
-        chosen = str(agent or self.agent)
-        words = [str(self.folder / "bench.yaml"), "--agent", chosen, "--out", str(out)]
+        agent_name = str(agent or self.agent)
+        words = [str(self.folder / "bench.yaml"), "--agent", agent_name, "--out", str(out)]
         words += ["--desktops", "1"]
         value = CliRunner().invoke(bench, [*words, *map(str, options)])
         if isinstance(value.exception, HijackError):
@@ -110,7 +110,7 @@ def test_a_run_keeps_its_log_and_can_be_replayed_without_the_endpoint(tmp_path, 
     assert list(map(outcome, again)) == list(map(outcome, value))
     assert not (tmp_path / "again" / "requests").exists()
     steps = [(tmp_path / name / "episodes").glob("*/steps.jsonl") for name in ("first", "again")]
-    taken = [
+    taken_names = [
         [
             json.loads(line)["raw"]
             for path in sorted(paths)
@@ -118,7 +118,7 @@ def test_a_run_keeps_its_log_and_can_be_replayed_without_the_endpoint(tmp_path, 
         ]
         for paths in steps
     ]
-    assert taken[0] == taken[1] == ["pyautogui.click(70, 70)", "DONE"] * 2
+    assert taken_names[0] == taken_names[1] == ["pyautogui.click(70, 70)", "DONE"] * 2
 
 
 def test_a_request_that_the_log_lacks_names_its_step_and_what_differs(tmp_path):

@@ -89,11 +89,11 @@ def test_what_was_applied_before_an_effect_that_fails_is_recorded_and_can_be_und
 
 def test_a_corruption_of_the_picture_leaves_the_machine_alone(ledger):
     desktop = FakeDesktop()
-    drawn = corrupt_desktop(desktop, hj.Subtitle(font_size=12))
-    assert drawn.saw.endswith(
+    result = corrupt_desktop(desktop, hj.Subtitle(font_size=12))
+    assert result.saw.endswith(
         "of the pixels that the agent sees are changed; the machine is as it was"
     )
-    assert (drawn.after != drawn.before).any()
+    assert (result.after != result.before).any()
     smaller = corrupt_desktop(desktop, hj.Resolution(scale=0.5))
     assert smaller.after.shape == (180, 320, 3)
     assert "of the screen's" in smaller.saw

@@ -103,16 +103,16 @@ def test_a_head_that_was_cut_off(run):
 
 def test_a_line_that_was_cut_off_at_the_end_is_dropped_and_run_again(run):
     journal = run / reading.RECORDS
-    whole = journal.read_bytes()
-    journal.write_bytes(whole + whole[:50])
+    whole_bytes = journal.read_bytes()
+    journal.write_bytes(whole_bytes + whole_bytes[:50])
     resume(run)
-    assert journal.read_bytes() == whole
+    assert journal.read_bytes() == whole_bytes
 
 
 def test_a_line_that_is_damaged_in_the_middle_is_never_dropped(run):
     journal = run / reading.RECORDS
-    whole = journal.read_bytes()
-    broken = whole[:50] + b"\n" + whole
+    whole_bytes = journal.read_bytes()
+    broken = whole_bytes[:50] + b"\n" + whole_bytes
     journal.write_bytes(broken)
     with pytest.raises(RunError, match=r"records\.jsonl:1: not JSON, perhaps cut off"):
         resume(run)
@@ -210,8 +210,8 @@ def test_what_an_agent_says_it_used_is_summed_only_if_it_can_be(run):
 
 def test_records_of_other_episodes_do_not_stand_for_missing_ones(tmp_path):
     folder = tmp_path / "run"
-    planned = [EPISODES[0], "oracle--rename--clean--0"]
-    with records.create(folder, CONFIG, planned):
+    planned_ids = [EPISODES[0], "oracle--rename--clean--0"]
+    with records.create(folder, CONFIG, planned_ids):
         records.append_all(folder, [RECORD, {**RECORD, "id": "x", "agent": "another"}])
     result = records.read(folder)
     assert result.unplayed == ("oracle--rename--clean--0",)

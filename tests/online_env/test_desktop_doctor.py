@@ -12,13 +12,13 @@ from online_env.embedded.runtime import rootless
 def switches(tmp_path, monkeypatch):
     """The kernel's settings, in files of the test's own; all allow user namespaces."""
     entries = {}
-    moved = {}
+    moved_paths = {}
     for path, switch in rootless._SWITCHES.items():
         name = path.rpartition("/")[2]
         entries[name] = tmp_path / name
         entries[name].write_text("10000")
-        moved[str(entries[name])] = switch
-    monkeypatch.setattr(rootless, "_SWITCHES", moved)
+        moved_paths[str(entries[name])] = switch
+    monkeypatch.setattr(rootless, "_SWITCHES", moved_paths)
     monkeypatch.setattr(rootless, "in_container", lambda: False)
     monkeypatch.setattr(rootless.os, "geteuid", lambda: 1000)
     return entries

@@ -187,10 +187,10 @@ def test_a_picture_is_sent_once_until_it_changes(guest):
         entries = {"X-Token": ask.viewer.token, "X-Seen": headers["X-Frame"]}
         assert ask("GET", "/frame", entries)[:2] == (204, b"")
         panel.on = True
-        status, darker, changed = ask("GET", "/frame", entries)
+        status, darker, changed_name = ask("GET", "/frame", entries)
         assert status == 200
         assert np.asarray(Image.open(io.BytesIO(darker)), int).mean() < 0.7 * result.mean()
-        assert changed["X-Frame"] != headers["X-Frame"]
+        assert changed_name["X-Frame"] != headers["X-Frame"]
 
 
 def test_input_goes_to_the_guest_and_its_answer_comes_back(guest):
@@ -266,22 +266,22 @@ def test_ctrl_c_ends_the_page_and_says_what_goes_on(guest, monkeypatch, lasting,
 
     monkeypatch.setattr(view.Viewer, "serve_forever", interrupted)
     output = []
-    opened = []
+    opened_paths = []
 
     def open_page(address):
-        opened.append(address)
+        opened_paths.append(address)
         file = Path(unquote(urlsplit(address).path))
         assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
-        opened.append(file.read_text())
+        opened_paths.append(file.read_text())
 
     monkeypatch.setattr(view.webbrowser, "open", open_page)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setenv("DISPLAY", ":7" if lasting else "")
     view.serve(guest.record, 0, output.append, lasting=lasting)
     assert output[0].startswith("watch desktop d1 at http://127.0.0.1:")
-    assert bool(opened) == lasting
-    if opened:  # the token is in the file, and in no argument
-        assert ("token=" in opened[0], "token=" in opened[1]) == (False, True)
+    assert bool(opened_paths) == lasting
+    if opened_paths:  # the token is in the file, and in no argument
+        assert ("token=" in opened_paths[0], "token=" in opened_paths[1]) == (False, True)
     assert output[0].endswith(f"  (Ctrl-C ends {end})")
     assert output[1:] == [last]
 

@@ -107,12 +107,12 @@ def test_a_local_internet_that_does_not_serve_is_told(tmp_path, monkeypatch, scr
     desktop_config = DesktopConfig(
         name="d1", screen=(8, 4), layer="", search_path=(), python=str(python), time_out=patience
     )
-    kept = BoundedLogs(os.open(registry.folder("d1") / "logs", os.O_RDONLY))
-    sites = internet.Internet(desktop_config, "d1", kept)
+    logs = BoundedLogs(os.open(registry.folder("d1") / "logs", os.O_RDONLY))
+    sites = internet.Internet(desktop_config, "d1", logs)
 
     def start():
         while not sites.serves:
-            sites.look_after(bool(kept.wait(1.0, (sites.reports,))))
+            sites.look_after(bool(logs.wait(1.0, (sites.reports,))))
 
     try:
         if message is None:
@@ -123,7 +123,7 @@ def test_a_local_internet_that_does_not_serve_is_told(tmp_path, monkeypatch, scr
         assert str(error.value) == message
     finally:
         sites.close()
-        kept.close()
+        logs.close()
     assert sites._process.returncode is not None
 
 
@@ -213,26 +213,27 @@ def test_what_does_not_come_in_time_is_told_with_the_end_of_its_log(first_proces
 
 def test_a_log_keeps_the_end_of_what_never_ends(run):
     """A program inside writes to a pipe, whatever it writes; the machine keeps 16 MiB at most."""
-    kept = BoundedLogs(os.open(run / "d1/logs", os.O_RDONLY))
+    bounded_logs = BoundedLogs(os.open(run / "d1/logs", os.O_RDONLY))
     loud = subprocess.Popen(
-        ["sh", "-c", "yes 'a line' | head -n 5000000; echo the last"], stdout=kept.writer("loud")
+        ["sh", "-c", "yes 'a line' | head -n 5000000; echo the last"],
+        stdout=bounded_logs.writer("loud"),
     )
     file = run / "d1/logs/loud.log"
     sizes = []
     while loud.poll() is None:
-        kept.wait(0.1)
+        bounded_logs.wait(0.1)
         sizes.append(file.stat().st_size)
-    assert kept.tail("loud").endswith("a line\nthe last")
+    assert bounded_logs.tail("loud").endswith("a line\nthe last")
     assert 0 < max(sizes) <= logs.MAX_LOG_BYTES
     assert file.read_text().endswith("a line\nthe last\n")
     assert file.read_bytes().startswith(logs.NOTE)
     for number in range(logs.MAX_LOGS - 1):
-        kept.writer(str(number))
+        bounded_logs.writer(str(number))
     with pytest.raises(OSError, match="no room for the log of more"):
-        kept.writer("more")
+        bounded_logs.writer("more")
     assert logs.MAX_LOGS * logs.MAX_LOG_BYTES <= 16 << 20
-    assert kept.wait(0.0) == set()
-    kept.close()
+    assert bounded_logs.wait(0.0) == set()
+    bounded_logs.close()
 
 
 def test_a_guest_server_that_does_not_answer_is_noticed(tmp_path, monkeypatch):
@@ -262,9 +263,9 @@ def test_a_guest_server_that_does_not_answer_is_noticed(tmp_path, monkeypatch):
             assert not slept.is_stuck()
         for item in (answering, stuck, slept):
             item.close()
-    gone = health.GuestHealth(str(tmp_path / "nothing"))
-    assert any(gone.is_stuck() for _ in range(15))
-    gone.close()
+    health_check = health.GuestHealth(str(tmp_path / "nothing"))
+    assert any(health_check.is_stuck() for _ in range(15))
+    health_check.close()
 
 
 def test_a_program_that_ends_again_and_again_is_given_up(first_process, monkeypatch):

@@ -406,9 +406,9 @@ def test_a_spare_is_handed_out_unless_it_has_died_or_shows_too_much(supply, monk
 
 def test_a_supply_that_cannot_build_tries_again_at_the_next_call(supply, monkeypatch):
     result = supply()
-    whole = handle._KEEPER
+    keeper = handle._KEEPER
     monkeypatch.setattr(handle, "_KEEPER", "import sys; sys.exit(1)")
     with pytest.raises(DesktopError, match="did not start"):
         result.next()
-    monkeypatch.setattr(handle, "_KEEPER", whole)
+    monkeypatch.setattr(handle, "_KEEPER", keeper)
     assert result.next()["id"] == "d1-2"

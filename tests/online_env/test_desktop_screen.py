@@ -73,18 +73,18 @@ def frozen(width=8, height=4, left=60.0, pointer=None):
 @pytest.fixture
 def frames(request):
     """Reads the screen in some memory; a guest freezes it as told."""
-    opened = []
+    opened_paths = []
 
     def make(data, *screens):
         descriptor = os.memfd_create("screen")
         os.write(descriptor, data)
         guest = Guest(screens)
         frame_reader = FrameReader({"id": "d1", "keeper": [os.getpid(), 0], "memory": descriptor})
-        opened.append((frame_reader, descriptor))
+        opened_paths.append((frame_reader, descriptor))
         return frame_reader, guest
 
     yield make
-    for value, descriptor in opened:
+    for value, descriptor in opened_paths:
         value.close()
         os.close(descriptor)
 

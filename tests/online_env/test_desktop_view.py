@@ -33,7 +33,7 @@ def desktops(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def shown(monkeypatch):
+def opened_pages(monkeypatch):
     """What the page was opened for, and whether it leaves the desktop running."""
     items = []
 
@@ -67,39 +67,39 @@ def viewed(*words):
 OWN = f"view-{os.getpid()}"
 
 
-def test_one_of_its_own_where_none_runs(desktops, shown):
+def test_one_of_its_own_where_none_runs(desktops, opened_pages):
     assert viewed() == "no desktop runs: starting one\n"
-    assert shown == [(OWN, False)]
+    assert opened_pages == [(OWN, False)]
 
 
-def test_the_one_that_was_started_by_hand_beside_a_benchmark(desktops, shown):
+def test_the_one_that_was_started_by_hand_beside_a_benchmark(desktops, opened_pages):
     desktops("d1", held=True)
     desktops("mine")
     desktops("d2", held=True)
     assert viewed() == ""
-    assert shown == [("mine", True)]
+    assert opened_pages == [("mine", True)]
 
 
-def test_one_of_its_own_beside_a_benchmark(desktops, shown):
+def test_one_of_its_own_beside_a_benchmark(desktops, opened_pages):
     """Neither an error, nor a page with a mouse in the middle of somebody's episode."""
     desktops("d1", held=True)
     assert viewed() == "starting one beside d1 (hijack desktop view NAME shows one of those)\n"
     desktops("d2", held=True)
     assert "beside d1, d2 (" in viewed()
-    assert shown == [(OWN, False)] * 2
+    assert opened_pages == [(OWN, False)] * 2
 
 
-def test_one_of_its_own_beside_several_and_beside_one_that_is_not_ready(desktops, shown):
+def test_one_of_its_own_beside_several_and_beside_one_that_is_not_ready(desktops, opened_pages):
     desktops("a", state="starting")
     viewed()
     desktops("b")
     desktops("c")
     viewed()
-    assert shown == [(OWN, False)] * 2
+    assert opened_pages == [(OWN, False)] * 2
 
 
-def test_a_name_is_a_name(desktops, shown):
+def test_a_name_is_a_name(desktops, opened_pages):
     desktops("d1", held=True)
     desktops("mine")
     assert viewed("d1") == ""
-    assert shown == [("d1", True)]
+    assert opened_pages == [("d1", True)]

@@ -92,8 +92,8 @@ def test_what_is_no_score_is_an_error_that_is_on_record(score, tmp_path):
     assert env.step("DONE")[1:] == (0.0, False, True, {})
     assert (env.record["status"], env.record["score"]) == ("error", None)
     assert "which is no score from 0 to 1" in env.record["problem"]
-    (written,) = tmp_path.glob("episodes/*/episode.json")
-    assert json.loads(written.read_bytes()) == env.record
+    (episode_path,) = tmp_path.glob("episodes/*/episode.json")
+    assert json.loads(episode_path.read_bytes()) == env.record
 
 
 def test_a_mean_that_is_rounded_is_a_score():
@@ -112,8 +112,8 @@ def test_usage_that_cannot_be_written_is_refused_before_an_episode_is_lost(usage
     with pytest.raises(ParameterError, match="usage must be JSON data"):
         env.record_usage(usage)
     env.step("DONE")
-    (written,) = tmp_path.glob("episodes/*/episode.json")
-    assert json.loads(written.read_bytes())["usage"] == {"cost": 0.5}
+    (episode_path,) = tmp_path.glob("episodes/*/episode.json")
+    assert json.loads(episode_path.read_bytes())["usage"] == {"cost": 0.5}
 
 
 @register
@@ -123,8 +123,8 @@ class Numbers(Mark):
     kind: ClassVar[str] = "test_numbers"
 
     def apply(self, guest, params):
-        where = params["where"]
-        return super().apply(guest, params) | {"where": where, **self.fact(where == "apply")}
+        position = params["where"]
+        return super().apply(guest, params) | {"where": position, **self.fact(position == "apply")}
 
     def probe(self, guest, record):
         return Probe(True, self.fact(record["where"] == "probe"))
@@ -149,8 +149,8 @@ def test_an_effect_whose_facts_cannot_be_written_does_not_count_as_proved(where,
         problem = env.record["problem"]
     assert re.search("(record|facts) .*'test_numbers' must be JSON data", problem)
     assert "marked" not in stage.desktop.state
-    (written,) = tmp_path.glob("episodes/*/episode.json")
-    assert json.loads(written.read_bytes()) == env.record
+    (episode_path,) = tmp_path.glob("episodes/*/episode.json")
+    assert json.loads(episode_path.read_bytes()) == env.record
 
 
 @pytest.mark.parametrize("stop", [KeyboardInterrupt(), RuntimeError("a bug")])
@@ -331,9 +331,9 @@ def test_what_the_desktop_lacks_is_refused_before_anything_is_done():
         MissingCapabilityError, match="network_error needs firewall, which this desktop lacks"
     ):
         env.reset(seed=0, options={"corruption": "network_error"})
-    both = hj.Sequence([hj.NetworkError(), hj.AppMinimization(step=Every(3))])
+    sequence = hj.Sequence([hj.NetworkError(), hj.AppMinimization(step=Every(3))])
     with pytest.raises(MissingCapabilityError, match="needs firewall, windows"):
-        env.reset(seed=0, options={"corruption": both})
+        env.reset(seed=0, options={"corruption": sequence})
     assert "apply" not in stage.desktop.calls
     env.reset(seed=0, options={"corruption": hj.AppMinimization(step=99)})  # not within the episode
 

@@ -140,7 +140,7 @@ def test_whatever_is_let_through_calls_nothing_but_pointer_and_keyboard(text: st
         return
     nodes = list(ast.walk(ast.parse(request.code)))
     called = {ast.unparse(node.func) for node in nodes if isinstance(node, ast.Call)}
-    loaded = {
+    module_names = {
         node.id for node in nodes if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
     }
     dangerous = {
@@ -155,4 +155,4 @@ def test_whatever_is_let_through_calls_nothing_but_pointer_and_keyboard(text: st
         "input",
         "breakpoint",
     }
-    assert not (called | loaded) & dangerous
+    assert not (called | module_names) & dangerous

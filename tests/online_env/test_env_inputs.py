@@ -39,14 +39,19 @@ class WatchedDesktop(FakeDesktop):
         return {"events": self.got} if operation == "stop" else {}
 
 
-def sent(env, stage) -> list[str]:
+def sent_codes(env, stage) -> list[str]:
     return [code.strip() for code in stage.desktop.ran]
 
 
 def test_a_missed_input_moves_the_pointer_only_and_waits_for_an_action_that_presses():
     env, stage = make(corruption=hj.make_corruption("missed_input", step=1))
     play(env, CLICK, "WAIT", "pyautogui.moveTo(1, 2)", CLICK, CLICK, "DONE")
-    assert sent(env, stage) == [CLICK, "pyautogui.moveTo(1, 2)", "pyautogui.moveTo(20, 30)", CLICK]
+    assert sent_codes(env, stage) == [
+        CLICK,
+        "pyautogui.moveTo(1, 2)",
+        "pyautogui.moveTo(20, 30)",
+        CLICK,
+    ]
     assert [entry["step"] for entry in env.record["inputs"]] == [3]
     assert env.record["last_action"] == "DONE"
     assert stage.history == (CLICK, "WAIT", "pyautogui.moveTo(1, 2)", CLICK, CLICK, "DONE")
@@ -56,14 +61,14 @@ def test_what_one_action_holds_for_the_next_is_not_hit():
     env, stage = make(corruption=hj.make_corruption("missed_input", step=0))
     items = ["pyautogui.keyDown('ctrl')", "pyautogui.keyUp('ctrl')"]
     play(env, *items, "pyautogui.keyDown('a'); pyautogui.keyUp('a')", "DONE")
-    assert sent(env, stage) == [*items, "pyautogui.sleep(0); pyautogui.sleep(0)"]
+    assert sent_codes(env, stage) == [*items, "pyautogui.sleep(0); pyautogui.sleep(0)"]
 
 
 def test_a_slip_is_measured_by_the_element_under_the_pointer():
     spec = hj.make_corruption("slipped_pointer", step=0, distance=1.5)
     env, stage = make(corruption=spec)
     play(env, TYPE, CLICK, "DONE")
-    _, arrived = sent(env, stage)
+    _, arrived = sent_codes(env, stage)
     # half the button is 50 x 15 pixels; 20 - 75 is off the screen, so the slip is mirrored there
     assert arrived in (
         "pyautogui.click(95, 30)",
@@ -132,8 +137,8 @@ def test_events_of_the_x_server_prove_a_repetition():
 
 
 def test_a_trigger_with_a_cap_is_verified(tmp_path):
-    missed = hj.make_corruption("missed_input", step=Every(1))
-    env, _ = make(corruption=hj.OneOf([missed], p_clean=0.5, max_times=2), log=tmp_path)
+    missed_input = hj.make_corruption("missed_input", step=Every(1))
+    env, _ = make(corruption=hj.OneOf([missed_input], p_clean=0.5, max_times=2), log=tmp_path)
     play(env, *[CLICK] * 12, "DONE")
     assert len(env.record["inputs"]) == 2
     assert rebuild(tmp_path).problems == []
@@ -172,8 +177,8 @@ def test_two_faults_wait_side_by_side():
     env, stage = make(corruption=hj.Sequence(parts))
     play(env, "WAIT", TYPE, TYPE, TYPE, "DONE")
     # what gets lost uses up no repetition, which waits for the next action
-    assert sent(env, stage) == ["pyautogui.sleep(0)", f"{TYPE}\n{TYPE}", TYPE]
-    assert [[each["input"] for each in entry["faults"]] for entry in env.record["inputs"]] == [
+    assert sent_codes(env, stage) == ["pyautogui.sleep(0)", f"{TYPE}\n{TYPE}", TYPE]
+    assert [[fault["input"] for fault in entry["faults"]] for entry in env.record["inputs"]] == [
         ["drop"],
         ["repeat"],
     ]
@@ -186,7 +191,7 @@ def test_a_plugin_of_30_lines_changes_actions_of_its_own_and_passes_every_check(
     assert result.exit_code == 0, result.output
     env, stage = make(corruption=hj.make_corruption("trembling_hand", pixels=5))
     play(env, CLICK, TYPE, "DONE")
-    slipped, typed = sent(env, stage)
+    slipped, typed = sent_codes(env, stage)
     x, y = map(int, re.findall("[0-9]+", slipped))
     assert 1 <= abs(x - 20) <= 5
     assert abs(y - 30) <= 5

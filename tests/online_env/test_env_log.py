@@ -109,13 +109,13 @@ def test_attempts_are_counted_and_never_written_over(tmp_path):
 
 
 def test_what_a_broken_episode_left_is_removed(tmp_path):
-    left = tmp_path / "episodes/do-0__clean__s0__tester/frames"
-    left.mkdir(parents=True)
-    (left / "0009.png").write_bytes(b"old")
+    frames_folder = tmp_path / "episodes/do-0__clean__s0__tester/frames"
+    frames_folder.mkdir(parents=True)
+    (frames_folder / "0009.png").write_bytes(b"old")
     env = make(tmp_path)
     env.reset(seed=0, options={"attempt": 0})
     env.step("DONE")
-    assert not (left / "0009.png").exists()
+    assert not (frames_folder / "0009.png").exists()
 
 
 def test_a_log_that_cannot_be_written_says_so_and_everything_is_put_back(tmp_path):
@@ -173,8 +173,8 @@ def test_the_tree_is_not_older_than_the_picture():
     assert result.in_time
     assert desktop.calls[last:].count("screenshot") >= 1
     assert "<push-button" in result.tree
-    changed = [i for i, call in enumerate(desktop.calls) if call == "screenshot"][19]
-    assert last > changed, "a tree of a screen that changed since is read again"
+    call_index = [i for i, call in enumerate(desktop.calls) if call == "screenshot"][19]
+    assert last > call_index, "a tree of a screen that changed since is read again"
 
 
 @pytest.mark.parametrize("with_tree", [False, True])

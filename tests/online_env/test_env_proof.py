@@ -71,8 +71,8 @@ def test_what_is_gone_later_is_the_agents_doing_unless_a_fresh_desktop_shows_the
     assert "nothing is marked" in env.record["problem"]
     assert (HIDDEN in env.record["problem"]) == (status == "error")
     assert ("before the agent saw it" in env.record["problem"]) == (when != "before the probe")
-    tried = [("write", 4)] * (2 if action == CLICK else 1)
-    assert stage.resets == tried, "the control has the same task"
+    expected_writes = [("write", 4)] * (2 if action == CLICK else 1)
+    assert stage.resets == expected_writes, "the control has the same task"
     assert stage.desktop.state == set()
     applied = 1 if when == "before the probe" else 2  # what was gone is applied once more
     assert len(env.record["effects"]) == applied, "the control is no part of the episode"

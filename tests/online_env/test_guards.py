@@ -158,14 +158,14 @@ def test_windows_that_went_or_came_by_themselves_are_put_right_by_the_panel():
     work = [line(f"row {n}", y=40 + 30 * n) for n in range(12)]
     at_work = [line("Notes - Mousepad", x=400), *work, *panel("Notes - Mousepad", "Files")]
     texts = [at_work, panel("Notes - Mousepad", "Files"), [*at_work, line("News", 900, 1050)]]
-    gone = Guarded(Says(CLICK), rules(texts))
-    assert play(gone, 0, 1)[1] == ["pyautogui.click(380, 1060)"]
-    assert gone.guard_record["interventions"][0]["kind"] == GONE
-    came = Guarded(Says("WAIT", CLICK), rules(texts))
-    assert play(came, 0, 2)[1] == ["pyautogui.rightClick(920, 1060)"]
-    assert came.guard_record["interventions"][0]["kind"] == COVERED
-    opened = Guarded(Says(CLICK, "DONE"), rules(texts))
-    assert play(opened, 0, 2) == [[CLICK], ["DONE"]], "the agent's click may have opened it"
+    leaving = Guarded(Says(CLICK), rules(texts))
+    assert play(leaving, 0, 1)[1] == ["pyautogui.click(380, 1060)"]
+    assert leaving.guard_record["interventions"][0]["kind"] == GONE
+    waiting = Guarded(Says("WAIT", CLICK), rules(texts))
+    assert play(waiting, 0, 2)[1] == ["pyautogui.rightClick(920, 1060)"]
+    assert waiting.guard_record["interventions"][0]["kind"] == COVERED
+    opening = Guarded(Says(CLICK, "DONE"), rules(texts))
+    assert play(opening, 0, 2) == [[CLICK], ["DONE"]], "the agent's click may have opened it"
 
 
 def test_a_rule_acts_twice_then_it_only_reminds():

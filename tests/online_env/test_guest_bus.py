@@ -70,7 +70,7 @@ def names(root) -> list[str]:
 
 def editor(**more) -> App:
     """An application with a window, in which are a text and a slider."""
-    things = {
+    nodes = {
         ROOT: Thing("editor", 75, children=("/w",)),
         "/w": Thing("window", states.FRAME, parent=ROOT, children=("/t", "/s")),
         "/t": Thing(
@@ -90,7 +90,7 @@ def editor(**more) -> App:
             values={"CurrentValue": 0.5, "MaximumValue": 10.0, "Text": 3.0},
         ),
     }
-    return App(things, **more)
+    return App(nodes, **more)
 
 
 CACHED = (ROOT, "/s", "/t", "/w")  # in whatever order
@@ -136,12 +136,12 @@ def test_an_application_that_is_silent_costs_its_own_part_only(tree_of, monkeypa
 
 
 def test_an_application_that_dies_or_answers_nonsense_is_left_out(tree_of):
-    gone = App({})
+    closed_app = App({})
     odd = editor(odd=("GetExtents", "GetText", "GetAttributes", "GetState", "GetRoleName"))
-    with session(gone=gone, odd=odd, editor=editor()) as result:
+    with session(gone=closed_app, odd=odd, editor=editor()) as result:
         roots = ElementTree.fromstring(tree_of(result).read())
-    whole = ["editor", "window", "title", "slider"]
-    assert [names(root) for root in roots] == [[""], ["editor", "window"], whole]
+    paths = ["editor", "window", "title", "slider"]
+    assert [names(root) for root in roots] == [[""], ["editor", "window"], paths]
 
 
 def test_without_applications_the_tree_is_empty(tree_of):
@@ -152,8 +152,13 @@ def test_without_applications_the_tree_is_empty(tree_of):
 
 def test_the_text_of_the_terminal_is_that_of_a_terminal_only(tree_of):
     def terminal(text, bits):
-        thing = Thing("t", states.TERMINAL, bits, interfaces=("Text",), text=text, parent="/w")
-        return {"/w": Thing("window", states.FRAME, children=("/t",), parent=ROOT), "/t": thing}
+        terminal_node = Thing(
+            "t", states.TERMINAL, bits, interfaces=("Text",), text=text, parent="/w"
+        )
+        return {
+            "/w": Thing("window", states.FRAME, children=("/t",), parent=ROOT),
+            "/t": terminal_node,
+        }
 
     def app(name, text, bits=SHOWN):
         return App({ROOT: Thing(name, 75, children=("/w",)), **terminal(text, bits)})
@@ -183,17 +188,17 @@ def test_children_that_a_cache_leaves_out_are_asked_for(tree_of):
 
 
 def test_an_application_that_goes_round_in_circles_ends(tree_of):
-    things = editor().things
-    things["/s"].children = ("/w", "/s", ROOT)
-    with session(round=App(things)) as result:
+    nodes = editor().things
+    nodes["/s"].children = ("/w", "/s", ROOT)
+    with session(round=App(nodes)) as result:
         root = read(tree_of(result))["editor"]
     assert names(root) == ["editor", "window", "title", "slider"]
 
 
 def test_a_node_with_too_many_children_says_how_many_there_are(tree_of):
-    things = editor().things
-    things["/w"].children = tuple(f"/many/{number}" for number in range(reader.MAX_CHILDREN + 1))
-    with session(many=App(things)) as result:
+    nodes = editor().things
+    nodes["/w"].children = tuple(f"/many/{number}" for number in range(reader.MAX_CHILDREN + 1))
+    with session(many=App(nodes)) as result:
         text = tree_of(result).read()
     assert "<!-- 1025 children; those that are not in sight are left out -->" in text
     assert names(ElementTree.fromstring(text)) == ["main", "editor", "window"]

@@ -77,9 +77,9 @@ def test_what_changes_the_guest_is_sent_once():
 
 def test_an_answer_of_any_length_does_not_fill_the_memory(monkeypatch):
     monkeypatch.setattr(client, "MAX_ANSWER_BYTES", 1000)
-    stated = b"HTTP/1.1 200 OK\r\nContent-Length: 1001\r\n\r\n"
+    head = b"HTTP/1.1 200 OK\r\nContent-Length: 1001\r\n\r\n"
     endless = b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n" + b"x" * 5000
-    for answer in (stated, endless):
+    for answer in (head, endless):
         with guest(answer, answer) as server:
             with pytest.raises(GuestError, match=r"GET http.*/file: the answer has more than 1000"):
                 GuestConnection(server.url, None, 20.0).ask("GET", "/file")
@@ -198,11 +198,11 @@ def test_an_osworld_machine_without_a_picture():
         on().screenshot()
     with pytest.raises(GuestError, match="the guest gave no screenshot"):
         _ = on(picture=b"").size
-    whole = io.BytesIO()
-    Image.effect_noise((64, 48), 90).convert("RGB").save(whole, "PNG")
-    assert on(picture=whole.getvalue()).size == (48, 64)
+    buffer = io.BytesIO()
+    Image.effect_noise((64, 48), 90).convert("RGB").save(buffer, "PNG")
+    assert on(picture=buffer.getvalue()).size == (48, 64)
     with pytest.raises(GuestError, match="the guest's screenshot can't be read"):
-        on(picture=whole.getvalue()[:1000]).screenshot()
+        on(picture=buffer.getvalue()[:1000]).screenshot()
     with pytest.raises(GuestError, match="the guest's screenshot can't be read"):
         on(picture=b"<html>502 Bad Gateway</html>").screenshot()
 

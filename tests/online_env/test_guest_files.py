@@ -92,8 +92,8 @@ def test_a_request_that_names_such_a_file_gets_its_answer(guest):
         kind = {"Content-Type": "application/json"}
         return guest.post(route, content=json.dumps(fields).encode(), headers=kind)
 
-    opened = post("/setup/open_file", path="/\udce9")
-    assert said(opened) == (404, "Application/file not found: /\udce9")
+    answer = post("/setup/open_file", path="/\udce9")
+    assert said(answer) == (404, "Application/file not found: /\udce9")
     script = post("/run_bash_script", script="ls", working_dir="/\udce9")
     expected = "Working directory does not exist: /\udce9"
     assert (script.status_code, script.json()["output"]) == (400, expected)
@@ -115,8 +115,8 @@ def test_a_listing_ends_at_links_at_depths_and_at_a_number_of_entries(guest, hom
         (value,) = listed(guest, top)["children"]
         return {**value, "children": sorted(value["children"], key=lambda child: child["name"])}
 
-    whole = [dangling, {**two, "children": [three]}, up]
-    assert one() == {"type": "directory", "name": "one", "children": whole}
+    tree_nodes = [dangling, {**two, "children": [three]}, up]
+    assert one() == {"type": "directory", "name": "one", "children": tree_nodes}
     monkeypatch.setattr(guest_files, "MAX_DEPTH", 1)
     assert one()["children"] == [dangling, {**two, "truncated": True}, up]
     monkeypatch.setattr(guest_files, "MAX_ENTRIES", 1)

@@ -231,8 +231,10 @@ def test_python_that_fails_without_a_word_says_its_exit_code(guest):
 
 def test_scripts_are_not_left_behind(guest, tmp_path, monkeypatch):
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    where = guest.post("/run_bash_script", json={"script": "echo $0"}).json()["output"].strip()
-    assert Path(where).parent == tmp_path
+    script_path = (
+        guest.post("/run_bash_script", json={"script": "echo $0"}).json()["output"].strip()
+    )
+    assert Path(script_path).parent == tmp_path
     assert list(tmp_path.iterdir()) == []
 
 

@@ -223,11 +223,11 @@ def test_boxes_are_cut_at_the_screen_and_at_what_scrolls():
     wide = node("wide", (-50, 10, 150, 20))
     below = node("below", (10, 290, 20, 320))
     out = node("out", (390, 10, 500, 20))
-    gone = node("gone", (400, 10, 500, 20))
+    closed_node = node("gone", (400, 10, 500, 20))
     tall = node("tall", (10, 50, 60, 900))
     pane = node("pane", (10, 100, 90, 200), tall, role=states.SCROLL_PANE)
     table = node("table", (300, 100, 310, 110), node("cell", (300, 105, 310, 190)))
-    root = window(WHOLE, wide, below, out, gone, pane, table)
+    root = window(WHOLE, wide, below, out, closed_node, pane, table)
     assert Screen([Surface(WHOLE, WHOLE)]).shown(root) == {
         "w": WHOLE,
         "wide": (0, 10, 150, 20),
@@ -295,12 +295,12 @@ def test_two_windows_of_one_application_in_one_place_are_told_apart_by_title():
 def test_the_bus_and_x_may_differ_by_a_few_pixels(off, seen):
     second = (300, 0, 400, 300)
     screen = Screen([Surface((0, 0, 200, 300), (2, 20, 198, 298)), Surface(second, second)])
-    moved = (off, off, 200, 300)
+    moved_box = (off, off, 200, 300)
     root = node(
         "app",
         None,
         node("known", second, role=states.FRAME),
-        node("", moved, node("inside", (50, 50, 60, 60)), role=states.FRAME),
+        node("", moved_box, node("inside", (50, 50, 60, 60)), role=states.FRAME),
     )
     # One without a name that is no window of the screen is kept in reserve.
     assert ("inside" in screen.shown(root)) == seen
@@ -313,13 +313,13 @@ def test_items_of_a_menu_are_seen_in_a_popup_only():
         below = node("below", (110, 40, 190, 50))
         return Screen([*surfaces, Surface(LEFT, LEFT)]).shown(window(LEFT, menu, below))
 
-    place = (100, 0, 300, 100)
+    box = (100, 0, 300, 100)
     assert set(shown()) == {"w", "menu", "below"}
-    assert set(shown(Surface(place, place, popup=True))) == {"w", "menu", "item"}
+    assert set(shown(Surface(box, box, popup=True))) == {"w", "menu", "item"}
     # It reaches beyond the window that it belongs to.
-    assert shown(Surface(place, place, popup=True))["item"] == (110, 10, 290, 30)
-    assert set(shown(Surface(place, place, popup=True, pid=8))) == {"w", "menu"}
-    assert set(shown(Surface(place, place))) == {"w", "menu"}
+    assert shown(Surface(box, box, popup=True))["item"] == (110, 10, 290, 30)
+    assert set(shown(Surface(box, box, popup=True, pid=8))) == {"w", "menu"}
+    assert set(shown(Surface(box, box))) == {"w", "menu"}
 
 
 def test_a_plug_in_is_seen_in_the_panel_of_the_process_that_started_it():

@@ -19,7 +19,7 @@ SELECT = "pyautogui.hotkey('ctrl', 'a')"
 EMPTY = tree("Thunar", node("frame", "files"))
 
 
-def shown(*parts: str) -> str:
+def thunar_tree(*parts: str) -> str:
     return tree("Thunar", *parts)
 
 
@@ -51,14 +51,14 @@ def hasty(monkeypatch: pytest.MonkeyPatch) -> None:
     ],
 )
 def test_each_way_to_point_is_one_action(act, code) -> None:
-    hand, ran = hand_on(shown(node("icon", "a"), node("icon", "b", at=(0, 2), size=(10, 10))))
+    hand, ran = hand_on(thunar_tree(node("icon", "a"), node("icon", "b", at=(0, 2), size=(10, 10))))
     here, result = hand.find("icon", "a"), hand.find("icon", "b")
     act(hand, here, result)
     assert ran == [code]
 
 
 def test_a_window_is_given_the_keyboard_at_its_top_unless_it_has_it() -> None:
-    hand, ran = hand_on(shown(node("frame", "a"), node("frame", "b", "active")))
+    hand, ran = hand_on(thunar_tree(node("frame", "a"), node("frame", "b", "active")))
     hand.activate(hand.find("frame", "b"))
     assert ran == []
     hand.activate(hand.find("frame", "a"))
@@ -67,10 +67,10 @@ def test_a_window_is_given_the_keyboard_at_its_top_unless_it_has_it() -> None:
 
 def test_a_button_is_pressed_once_it_can_be() -> None:
     off, on = node("push-button", "Save"), node("button", "Save", "sensitive")
-    hand, ran = hand_on(shown(off, on))
+    hand, ran = hand_on(thunar_tree(off, on))
     hand.button("Save", "thunar")
     assert ran == [CLICK]
-    hand, ran = hand_on(shown(off), timeout=0)
+    hand, ran = hand_on(thunar_tree(off), timeout=0)
     with pytest.raises(DesktopTimeoutError, match="sensitive button or push-button Save of thunar"):
         hand.button("Save", "thunar")
     assert ran == []
@@ -78,20 +78,20 @@ def test_a_button_is_pressed_once_it_can_be() -> None:
 
 def test_a_menu_is_gone_through_from_item_to_item() -> None:
     bar, item = node("menu", "File"), node("check-menu-item", "Hidden", at=(0, 0))
-    hand, ran = hand_on(shown(bar), shown(bar, item))
+    hand, ran = hand_on(thunar_tree(bar), thunar_tree(bar, item))
     hand.menu("File", re.compile("Hid"))
     assert ran == [CLICK, "pyautogui.click(40, 50)"]
-    hand, ran = hand_on(shown(bar, node("icon", "x")), shown(bar, item))
+    hand, ran = hand_on(thunar_tree(bar, node("icon", "x")), thunar_tree(bar, item))
     hand.context_menu(hand.find("icon", "x"), "Hidden", app="thunar")
     assert ran == [f"pyautogui.rightClick({MIDDLE})", "pyautogui.click(40, 50)"]
 
 
 def test_a_field_is_filled_once_it_has_the_focus() -> None:
     result, focused = node("entry", "Name"), node("entry", "Name", "focused")
-    hand, ran = hand_on(shown(result), shown(focused))
+    hand, ran = hand_on(thunar_tree(result), thunar_tree(focused))
     hand.fill("Name", "Zoë")
     assert ran == [CLICK, SELECT, "pyautogui.write('Zoë')"]
-    hand, ran = hand_on(shown(result), timeout=0)
+    hand, ran = hand_on(thunar_tree(result), timeout=0)
     with pytest.raises(DesktopTimeoutError, match="focused entry or text Name of any application"):
         hand.fill("Name", "Zoë")
     assert ran == [CLICK]  # nothing was typed into another field
@@ -99,7 +99,7 @@ def test_a_field_is_filled_once_it_has_the_focus() -> None:
 
 def test_a_file_is_chosen_by_its_path_and_the_dialog_is_gone_then() -> None:
     dialog = node("file-chooser", "Open")
-    ready = shown(dialog, node("push-button", "Open", "sensitive"))
+    ready = thunar_tree(dialog, node("push-button", "Open", "sensitive"))
     hand, ran = hand_on(ready, ready, ready, ready, EMPTY)
     hand.choose_file("Documents/a.txt", "Open", "thunar")
     assert ran == [
@@ -108,7 +108,7 @@ def test_a_file_is_chosen_by_its_path_and_the_dialog_is_gone_then() -> None:
         "pyautogui.write('/home/user/Documents/a.txt')",
         "pyautogui.hotkey('enter')",
     ]
-    not_ready = shown(dialog, node("push-button", "Open"))
+    not_ready = thunar_tree(dialog, node("push-button", "Open"))
     hand, ran = hand_on(not_ready, timeout=0)
     with pytest.raises(DesktopTimeoutError, match="sensitive button or push-button Open"):
         hand.choose_file("/tmp/a.txt", "Open", "thunar")
@@ -116,7 +116,7 @@ def test_a_file_is_chosen_by_its_path_and_the_dialog_is_gone_then() -> None:
 
 
 def test_what_does_not_go_is_named() -> None:
-    hand, _ = hand_on(shown(node("dialog", "Question")), timeout=0)
+    hand, _ = hand_on(thunar_tree(node("dialog", "Question")), timeout=0)
     with pytest.raises(DesktopTimeoutError) as caught:
         hand.wait_until_gone(("alert", "dialog"), re.compile("Quest"), app="thunar")
     assert str(caught.value) == "alert or dialog Quest of thunar still shows after 0 s"
@@ -125,7 +125,7 @@ def test_what_does_not_go_is_named() -> None:
 
 def test_what_does_not_come_is_named_with_what_is_there() -> None:
     many = [node("label", f"label {number:02}") for number in range(40)]
-    hand, _ = hand_on(shown(*many, node("label", "label 00")), timeout=0)
+    hand, _ = hand_on(thunar_tree(*many, node("label", "label 00")), timeout=0)
     with pytest.raises(DesktopTimeoutError) as caught:
         hand.find("push-button", "Save", app="thunar", state="focused")
     start, _, listed = str(caught.value).partition(": label ")
@@ -140,7 +140,7 @@ def test_what_does_not_come_is_named_with_what_is_there() -> None:
 
 
 NODES = read_tree(
-    shown(
+    thunar_tree(
         node("push-button", "Save As...", "focused"),
         '<push-button name="Save"/>',  # it does not show
         node("link", "save"),

@@ -333,10 +333,10 @@ def test_a_folder_that_runs_no_programs_is_refused_and_found_by_the_doctor(monke
     monkeypatch.setattr(cache.os, "statvfs", lambda folder: flags)
     with pytest.raises(DesktopImageError, match=r"noexec.*AGENTHIJACK_IMAGES"):
         images.publish()
-    place, _ = image_checks.findings(None)
-    assert place[1] is False
-    assert "noexec" in place[2]
-    assert "AGENTHIJACK_IMAGES" in place[3]
+    folder_finding, _ = image_checks.findings(None)
+    assert folder_finding[1] is False
+    assert "noexec" in folder_finding[2]
+    assert "AGENTHIJACK_IMAGES" in folder_finding[3]
 
 
 def test_a_killed_process_leaves_nothing_half(folder):

@@ -266,15 +266,15 @@ def test_what_the_engine_mounts_is_not_looked_at(tmp_path):
 
 
 def test_a_link_in_the_place_of_a_folder_is_not_followed(tmp_path):
-    kept = tmp_path / "kept"
-    kept.mkdir()
-    (kept / "file").touch()
-    (tmp_path / "tmp").symlink_to(kept)
+    folder = tmp_path / "kept"
+    folder.mkdir()
+    (folder / "file").touch()
+    (tmp_path / "tmp").symlink_to(folder)
     pristine._empty(tmp_path / "tmp")
-    assert (kept / "file").exists()
+    assert (folder / "file").exists()
     assert not (tmp_path / "tmp").is_symlink()
-    pristine._empty(kept)
-    assert list(Path(kept).iterdir()) == []
+    pristine._empty(folder)
+    assert list(Path(folder).iterdir()) == []
 
 
 def test_the_flag_that_grants_it_is_named_in_a_container():

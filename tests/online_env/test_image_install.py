@@ -84,10 +84,10 @@ def test_an_image_that_is_here_is_taken(monkeypatch):
 
 def test_the_present_profiles_stay(monkeypatch):
     """As with apt, where a second `install` takes nothing away."""
-    built = []
+    built_images = []
 
     def build(recipe, name, report):
-        built.append(recipe.profiles)
+        built_images.append(recipe.profiles)
         return "new", None
 
     images.publish(name="mine")
@@ -95,7 +95,7 @@ def test_the_present_profiles_stay(monkeypatch):
     monkeypatch.setattr(image_setup.build, "build", build)
     monkeypatch.setattr(image_setup, "_own_archives", list)
     assert image_setup.ensure_image(["media"], None, None, print) == "new"
-    assert built[-1] == ("core", "media")
+    assert built_images[-1] == ("core", "media")
 
 
 @pytest.fixture

@@ -226,17 +226,17 @@ def package_of(top, data=b"package"):
 def test_packages_are_fetched_once_and_checked(tmp_path):
     output = []
     package = package_of(tmp_path)
-    kept = tmp_path / "kept"
-    kept.mkdir()
-    paths = sources.fetch_packages([package], kept, output.append)
+    folder = tmp_path / "kept"
+    folder.mkdir()
+    paths = sources.fetch_packages([package], folder, output.append)
     assert paths["app"].read_bytes() == b"package"
     (tmp_path / "pool/app.deb").unlink()
-    assert sources.fetch_packages([package], kept, output.append) == paths
+    assert sources.fetch_packages([package], folder, output.append) == paths
     assert output[-1] == "1 packages, 0 of them to fetch (0 MB)"
     # one that was damaged on the disk is fetched again
     paths["app"].write_bytes(b"PACKAGE")
     package_of(tmp_path)
-    sources.fetch_packages([package], kept, output.append)
+    sources.fetch_packages([package], folder, output.append)
     assert paths["app"].read_bytes() == b"package"
 
 
@@ -275,12 +275,16 @@ def deb(names):
 
 def test_a_package_is_unpacked_without_what_no_desktop_needs(tmp_path):
     path = tmp_path / "a.deb"
-    kept = {"usr/bin/a", "usr/share/doc/a/copyright", "usr/lib/chromium/locales/en-US.pak"}
-    left = {"usr/share/man/man1/a.1", "usr/share/doc/a/README", "usr/lib/chromium/locales/de.pak"}
-    path.write_bytes(deb(f"./{name}" for name in kept | left))
+    kept_paths = {"usr/bin/a", "usr/share/doc/a/copyright", "usr/lib/chromium/locales/en-US.pak"}
+    removed_paths = {
+        "usr/share/man/man1/a.1",
+        "usr/share/doc/a/README",
+        "usr/lib/chromium/locales/de.pak",
+    }
+    path.write_bytes(deb(f"./{name}" for name in kept_paths | removed_paths))
     build.unpack(path, tmp_path / "root")
     files = (p for p in (tmp_path / "root").rglob("*") if p.is_file())
-    assert {str(p.relative_to(tmp_path / "root")) for p in files} == kept
+    assert {str(p.relative_to(tmp_path / "root")) for p in files} == kept_paths
 
 
 @pytest.mark.parametrize("data", [b"", b"no package", deb(["./a"])[:200]])
@@ -305,14 +309,14 @@ def test_a_manifest_pins_every_package(archive, monkeypatch):
 
 
 def test_owners_cannot_be_changed_in_the_chamber_and_nobody_notices(tmp_path):
-    place = tmp_path / "file"
-    place.touch()
+    path = tmp_path / "file"
+    path.touch()
     child = os.fork()
     if child == 0:
         try:
             unprivileged_chroot.fake_ownership()
-            os.chown(place, 12345, 12345)
-            os._exit(place.stat().st_uid == 12345)
+            os.chown(path, 12345, 12345)
+            os._exit(path.stat().st_uid == 12345)
         finally:
             os._exit(2)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0

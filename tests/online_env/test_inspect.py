@@ -53,14 +53,14 @@ def squares(monkeypatch):
 
 
 def benchmark(corruptions=None, **given):
-    chosen = {
+    options = {
         "provider": "squares",
         "size": SIZE,
         "tasks": ("square",),
         "corruptions": corruptions or {"clean": None},
         "max_steps": 4,
     }
-    return Bench(**{**chosen, **given})
+    return Bench(**{**options, **given})
 
 
 def picture_of(part):
@@ -79,12 +79,12 @@ def mock(*, never_done=False, answer="DONE", act=None):
 
     def output(messages, tools, tool_choice, config):
         requests.append(list(messages))
-        place = middle_of_square(pictures_in(messages)[-1])
-        entries = {"action": "left_click", "coordinate": list(place or (5, 5))}
+        point = middle_of_square(pictures_in(messages)[-1])
+        entries = {"action": "left_click", "coordinate": list(point or (5, 5))}
         result = ModelOutput.for_tool_call(
             "mockllm/model", "computer", entries if act is None else act
         )
-        if not never_done and (place is None or (act is not None and len(requests) > 1)):
+        if not never_done and (point is None or (act is not None and len(requests) > 1)):
             result = ModelOutput.for_tool_call("mockllm/model", "submit", {"answer": answer})
         # Else it counts with a library that downloads.
         result.usage = ModelUsage(input_tokens=1, output_tokens=1, total_tokens=2)
@@ -95,8 +95,8 @@ def mock(*, never_done=False, answer="DONE", act=None):
 
 
 def run(task, model, tmp_path, **options):
-    chosen = {"fail_on_error": False, "display": "none", "log_dir": str(tmp_path), **options}
-    [log] = inspect_ai.eval(task, model=model, **chosen)
+    eval_options = {"fail_on_error": False, "display": "none", "log_dir": str(tmp_path), **options}
+    [log] = inspect_ai.eval(task, model=model, **eval_options)
     assert log.status == "success", log.error
     return read_eval_log(log.location, resolve_attachments=True)
 
@@ -279,19 +279,19 @@ def test_older_pictures_are_sent_as_words(tmp_path):
 
 
 def test_samples_wait_for_a_free_desktop(tmp_path, monkeypatch):
-    now, most = [], []
+    now, peaks = [], []
 
     @contextmanager
     def counted(size):
         now.append(1)
-        most.append(len(now))
+        peaks.append(len(now))
         yield SquareDesktop(size)
         now.pop()
 
     register_square(monkeypatch, counted)
     model, _ = mock()
     run(inspect_task(benchmark(seeds=(0, 1, 2)), desktops=2), model, tmp_path, max_samples=3)
-    assert (len(most), max(most), now) == (3, 2, [])
+    assert (len(peaks), max(peaks), now) == (3, 2, [])
 
 
 @pytest.mark.parametrize(
@@ -340,24 +340,24 @@ def test_a_configuration_is_chosen_from(tmp_path):
 
 def test_inspect_finds_the_tasks_in_an_installed_package(tmp_path):
     """As a wheel would be installed, with the entry point that the project declares."""
-    place = tmp_path / "site-packages"
-    info = place / "agenthijack-0.dist-info"
+    path = tmp_path / "site-packages"
+    info = path / "agenthijack-0.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: agenthijack\nVersion: 0\n")
     (info / "entry_points.txt").write_text("[inspect_ai]\nagenthijack = online_env.inspect.tasks\n")
     for name in ("hijack_data", "online_env", "configs"):
-        (place / name).symlink_to(ROOT / name)
+        (path / name).symlink_to(ROOT / name)
     code = (
         "from inspect_ai._eval.loader import load_tasks\n"
         "import online_env\n"
-        f"assert online_env.__file__.startswith({str(place)!r})\n"
+        f"assert online_env.__file__.startswith({str(path)!r})\n"
         "[task] = load_tasks(['agenthijack/embedded_small'], {'corruptions': 'clean'})\n"
         "print(task.name, len(task.dataset) > 0)\n"
     )
     process = subprocess.run(
         [sys.executable, "-c", code],
         cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(place)},
+        env={**os.environ, "PYTHONPATH": str(path)},
         capture_output=True,
         text=True,
         timeout=300,

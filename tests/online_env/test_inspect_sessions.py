@@ -33,7 +33,7 @@ BENCH = Bench(
 
 
 @pytest.fixture
-def made(monkeypatch):
+def session_desktops(monkeypatch):
     """The desktops that were started."""
     desktops = []
 
@@ -47,14 +47,14 @@ def made(monkeypatch):
 
 
 @pytest.fixture
-def session(made):
+def session(session_desktops):
     result = Session(BENCH, "model", None)
     result.begin("square", "clean", 0)
     yield result
     result.close()
 
 
-def used(session, **call):
+def use_computer(session, **call):
     """The notes and the picture that the tool returns."""
     tool = computer_tool(lambda: session, 3)
 
@@ -70,32 +70,34 @@ def pixels(address):
     return np.asarray(Image.open(io.BytesIO(content)))
 
 
-def ran(made):
-    return [code.strip() for code in made[0].ran]
+def ran(session_desktops):
+    return [code.strip() for code in session_desktops[0].ran]
 
 
 # The tool
 
 
-def test_what_comes_after_the_end_of_an_episode_is_not_done_and_the_model_is_told(session, made):
+def test_what_comes_after_the_end_of_an_episode_is_not_done_and_the_model_is_told(
+    session, session_desktops
+):
     calls = [{"action": "key", "text": name} for name in "abcde"]
-    notes, picture = used(session, actions=calls)
-    assert ran(made) == [f"pyautogui.press('{name}')" for name in "abc"]
+    notes, picture = use_computer(session, actions=calls)
+    assert ran(session_desktops) == [f"pyautogui.press('{name}')" for name in "abc"]
     assert notes == [OVER]
     assert picture.shape == (*SIZE, 3)
-    notes, _ = used(session, action="key", text="f")
-    assert (len(made[0].ran), notes) == (3, [OVER])
+    notes, _ = use_computer(session, action="key", text="f")
+    assert (len(session_desktops[0].ran), notes) == (3, [OVER])
     assert session.record["ended"] == "max_steps"
 
 
-def test_an_action_that_is_not_understood_does_not_stop_the_others(session, made):
+def test_an_action_that_is_not_understood_does_not_stop_the_others(session, session_desktops):
     calls = [
         {"action": "left_click", "coordinate": [5]},
         {"action": "zoom", "region": [1, 2, 3]},
         {"action": "key", "text": "b"},
     ]
-    notes, _ = used(session, actions=calls)
-    assert ran(made) == ["pyautogui.press('b')"]
+    notes, _ = use_computer(session, actions=calls)
+    assert ran(session_desktops) == ["pyautogui.press('b')"]
     assert len(notes) == 2
     assert all(note.startswith("This action was not understood: ") for note in notes)
 
@@ -117,19 +119,21 @@ def test_an_action_that_is_not_understood_does_not_stop_the_others(session, made
         ),
     ],
 )
-def test_what_the_tool_takes_beside_place_and_text(session, made, call, code):
-    notes, _ = used(session, **call)
-    assert (ran(made), notes) == ([code], [])
+def test_what_the_tool_takes_beside_place_and_text(session, session_desktops, call, code):
+    notes, _ = use_computer(session, **call)
+    assert (ran(session_desktops), notes) == ([code], [])
 
 
-def test_looking_is_no_step(session, made):
-    made[0].place = (0, 0)
+def test_looking_is_no_step(session, session_desktops):
+    session_desktops[0].place = (0, 0)
     before = pixels(session.picture())
-    notes, zoomed = used(session, action="zoom", region=[-50, -50, 2 * SIZE[1], 2 * SIZE[0]])
+    notes, zoomed = use_computer(
+        session, action="zoom", region=[-50, -50, 2 * SIZE[1], 2 * SIZE[0]]
+    )
     assert notes == []
     assert np.array_equal(zoomed, before), "what is outside the screen is left away"
     assert session.record is None
-    assert made[0].ran == []
+    assert session_desktops[0].ran == []
 
 
 def test_a_region_of_another_form_keeps_its_form(session):
@@ -143,7 +147,7 @@ def test_a_region_of_another_form_keeps_its_form(session):
 # Episodes
 
 
-def test_what_is_called_before_the_episode_says_so(made):
+def test_what_is_called_before_the_episode_says_so(session_desktops):
     result = Session(BENCH, "model", None)
     for call in (
         lambda: result.act("DONE"),
@@ -154,43 +158,43 @@ def test_what_is_called_before_the_episode_says_so(made):
             call()
     assert result.record is None
     result.close()
-    assert made == []
+    assert session_desktops == []
 
 
-def test_a_desktop_is_free_again_when_its_episode_could_not_begin(made):
+def test_a_desktop_is_free_again_when_its_episode_could_not_begin(session_desktops):
     sessions = Sessions(1)
     order = []
 
     def begins(name, fails):
         def begin():
             order.append(name)
-            value = opened[name]
+            value = open_sessions[name]
             value.begin("square", "clean", 0)
             if fails:
                 raise DesktopError("no luck")
 
         return begin
 
-    opened = {name: Session(BENCH, "model", None) for name in "ab"}
+    open_sessions = {name: Session(BENCH, "model", None) for name in "ab"}
 
     async def go():
         with anyio.fail_after(20):
             with pytest.raises(DesktopError, match="no luck"):
-                await sessions.open("a", opened["a"], begins("a", True))
-            await sessions.open("b", opened["b"], begins("b", False))
-            assert sessions["b"] is opened["b"]
+                await sessions.open("a", open_sessions["a"], begins("a", True))
+            await sessions.open("b", open_sessions["b"], begins("b", False))
+            assert sessions["b"] is open_sessions["b"]
             await sessions.close("b")
             await sessions.close("b")  # it has none any more
             await sessions.close("never opened")
 
     anyio.run(go)
     assert order == ["a", "b"]
-    assert [desktop.closed for desktop in made] == [True, True]
+    assert [desktop.closed for desktop in session_desktops] == [True, True]
     with pytest.raises(KeyError):
         sessions["a"]
 
 
-def test_closing_more_often_than_opening_makes_no_more_desktops(made):
+def test_closing_more_often_than_opening_makes_no_more_desktops(session_desktops):
     sessions = Sessions(1)
 
     async def go():

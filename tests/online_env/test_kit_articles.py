@@ -63,6 +63,8 @@ def test_a_bookmarks_bar_has_every_site_and_no_page_twice(seed: int) -> None:
     urls = [url for _, pages in entries for _, url in pages]
     assert len(set(urls)) == len(urls) == 3 * sample_links.PER_FOLDER
     for host in sample_links.HOSTS:
-        left = [url for _, pages in sample_links.without(entries, host) for _, url in pages]
-        assert 0 < len(left) < len(urls)
-        assert not any(f"//{host}/" in url for url in left)
+        remaining_urls = [
+            url for _, pages in sample_links.without(entries, host) for _, url in pages
+        ]
+        assert 0 < len(remaining_urls) < len(urls)
+        assert not any(f"//{host}/" in url for url in remaining_urls)

@@ -110,11 +110,11 @@ NOISE = {str(n): random.Random(n).randbytes(20_000) for n in range(6)}
 
 @pytest.mark.parametrize("kind", ["gz", "bz2", "xz"])
 def test_an_archive_with_other_bytes_in_its_middle_is_none(kind: str) -> None:
-    whole = packed(f"w:{kind}", NOISE)
-    assert unpack(whole) == NOISE
-    middle = len(whole) // 2
-    assert unpack(whole[:middle] + b"\xff" * 40 + whole[middle + 40 :]) is None
-    assert unpack(whole[:middle]) is None
+    whole_bytes = packed(f"w:{kind}", NOISE)
+    assert unpack(whole_bytes) == NOISE
+    middle = len(whole_bytes) // 2
+    assert unpack(whole_bytes[:middle] + b"\xff" * 40 + whole_bytes[middle + 40 :]) is None
+    assert unpack(whole_bytes[:middle]) is None
 
 
 @pytest.mark.parametrize(

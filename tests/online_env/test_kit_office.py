@@ -133,7 +133,7 @@ def test_cells_that_a_formula_uses(entry: sheets.CellValue, is_used: bool) -> No
 def test_a_formula_that_was_entered_for_several_cells_is_in_each_of_them() -> None:
     formula = ArrayFormula("C2:C3", "=B2:B3*2")
     result = content(made_book(C2=formula, C3=8))
-    assert [result.entry(place) for place in ("C2", "C3")] == ["=B2:B3*2"] * 2
+    assert [result.entry(cell) for cell in ("C2", "C3")] == ["=B2:B3*2"] * 2
     assert result.value("C3") == 8
 
 
@@ -270,7 +270,7 @@ def test_what_seeds_draw_differs() -> None:
 
 def test_lines_of_a_report_can_be_found_by_their_text() -> None:
     for seed in range(20):
-        drawn = report(Stream(seed, "test"))
-        whole = "\n".join([drawn["title"], *drawn["paragraphs"]]).lower()
-        for text in (*drawn["lines"], *drawn["bodies"], *drawn["items"]):
-            assert whole.count(text.lower()) == 1
+        variables = report(Stream(seed, "test"))
+        full_text = "\n".join([variables["title"], *variables["paragraphs"]]).lower()
+        for text in (*variables["lines"], *variables["bodies"], *variables["items"]):
+            assert full_text.count(text.lower()) == 1

@@ -150,8 +150,13 @@ CHAIN = node("push-button", at=(160, 200), size=(10, 50))
 def test_the_canvas_is_set_field_by_field(monkeypatch):
     monkeypatch.setattr(hand_module, "PAUSE", 0.001)
     button = node("push-button", "Resize", "sensitive", at=(300, 500))
-    result, closed = tree("gimp", DIALOG, *FIELDS, CHAIN, button), tree("gimp", node("frame", "a"))
-    desktop = Trees([*[result] * 13, closed])  # three actions for each field, and the button
+    result, without_dialog = (
+        tree("gimp", DIALOG, *FIELDS, CHAIN, button),
+        tree("gimp", node("frame", "a")),
+    )
+    desktop = Trees(
+        [*[result] * 13, without_dialog]
+    )  # three actions for each field, and the button
     gimp.set_canvas(Hand(desktop, 1), 580, 321, -200, 0)
     assert desktop.ran[:12:3] == [
         f"pyautogui.doubleClick(130, {210 + 30 * row})" for row in range(4)

@@ -19,7 +19,7 @@ def machine(tmp_path):
     return Machine(FolderDesktop(tmp_path))
 
 
-def heard(machine, data):
+def listen(machine, data):
     machine.write("a.wav", data)
     result = recordings.sound(machine, "a.wav")
     assert result is not None
@@ -28,22 +28,22 @@ def heard(machine, data):
 
 @pytest.mark.parametrize("form", [(1, 8000), recordings.CD])
 def test_a_melody_is_recognised_at_any_rate(machine, form):
-    result = heard(machine, recordings.wav_file(TUNE, *form))
+    result = listen(machine, recordings.wav_file(TUNE, *form))
     assert (result.channels, result.rate) == form
     assert list(recordings.melody_problems(result, TUNE)) == []
 
 
 def test_another_melody_and_a_shorter_one_are_not(machine):
-    whole = heard(machine, recordings.wav_file(TUNE))
+    whole_sound = listen(machine, recordings.wav_file(TUNE))
     second = [*TUNE[:-1], TUNE[-1] * 2 ** (2 / 12)]
-    (problem,) = recordings.melody_problems(whole, second)
+    (problem,) = recordings.melody_problems(whole_sound, second)
     assert problem.startswith("note 8 has ")
-    short = heard(machine, recordings.wav_file(TUNE[:4]))
+    short = listen(machine, recordings.wav_file(TUNE[:4]))
     assert list(recordings.melody_problems(short, TUNE)) == ["it is 8.0 s long, not 16 s"]
 
 
 def test_a_file_that_ends_within_a_sample_is_heard_so_far(machine):
-    result = heard(machine, recordings.wav_file(TUNE)[:-1])
+    result = listen(machine, recordings.wav_file(TUNE)[:-1])
     assert len(result.samples) == len(TUNE) * recordings.NOTE * result.rate - 1
 
 
@@ -61,8 +61,8 @@ def test_a_film_shows_each_scene_for_its_time(tmp_path):
     path.write_bytes(recordings.film(scenes))
     film = cv2.VideoCapture(str(path))
     assert film.get(cv2.CAP_PROP_FRAME_COUNT) == 3 * recordings.SCENE * 5
-    for place, scene in enumerate(scenes):
-        film.set(cv2.CAP_PROP_POS_MSEC, 1000 * (place + 0.5) * recordings.SCENE)
+    for index, scene in enumerate(scenes):
+        film.set(cv2.CAP_PROP_POS_MSEC, 1000 * (index + 0.5) * recordings.SCENE)
         result = Image.fromarray(film.read()[1][:, :, ::-1])
         assert gimp.difference(result, scene) < 3
     film.release()

@@ -89,8 +89,8 @@ def test_no_file_and_no_playlist(machine):
 
 @pytest.mark.parametrize("key", ["qt-updates-notif", "metadata-network-access"])
 def test_a_setting_of_the_start_may_go_but_not_change(machine, key):
-    kept = [line for line in (machine.text(vlc._RC) or "").splitlines() if key not in line]
-    machine.write(vlc._RC, "\n".join(kept))
+    other_lines = [line for line in (machine.text(vlc._RC) or "").splitlines() if key not in line]
+    machine.write(vlc._RC, "\n".join(other_lines))
     assert list(vlc.setting_problems(machine, {})) == []
     vlc.store(machine, {key: "1"})
     assert list(vlc.setting_problems(machine, {})) == [f"{key} was changed to 1"]

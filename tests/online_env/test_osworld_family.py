@@ -26,7 +26,7 @@ from online_env.tasks.machines import MachineSettings
 from support import needs
 
 
-def put(folder: Path, name: str, **more: Any) -> Path:
+def write_task(folder: Path, name: str, **more: Any) -> Path:
     """Write a task of OSWorld, which needs nothing."""
     config = {
         "id": name,
@@ -49,8 +49,8 @@ def own_registry(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    put(tmp_path, "t-one")
-    put(tmp_path, "t-two", evaluator={"func": "exact_match", "result": {"type": "vm_file"}})
+    write_task(tmp_path, "t-one")
+    write_task(tmp_path, "t-two", evaluator={"func": "exact_match", "result": {"type": "vm_file"}})
     return tmp_path
 
 
@@ -99,9 +99,9 @@ def test_a_run_records_the_file_of_each_task(folder: Path) -> None:
     code = bench_of(str(folder)).to_data()["code"]
     assert set(code) == {"t-one", "t-two"}
     assert code["t-one"]["path"] == str(folder / "examples" / "os" / "t-one.json")
-    put(folder, "t-one", instruction="Something else.")
-    changed = task_class(code["t-one"]["path"])
-    assert changed.source["sha256"] != code["t-one"]["sha256"]
+    write_task(folder, "t-one", instruction="Something else.")
+    changed_task = task_class(code["t-one"]["path"])
+    assert changed_task.source["sha256"] != code["t-one"]["sha256"]
 
 
 def test_another_process_reads_the_files_again(folder: Path) -> None:
@@ -145,7 +145,7 @@ def test_a_file_that_is_no_task_is_named(content: str, problem: str, tmp_path: P
 
 def test_two_files_with_one_id_are_refused(folder: Path, tmp_path: Path) -> None:
     bench_of(str(folder))
-    second = put(tmp_path / "other", "t-one", instruction="Another revision.")
+    second = write_task(tmp_path / "other", "t-one", instruction="Another revision.")
     with pytest.raises(ParameterError, match="'t-one' is taken"):
         bench_of(str(second))
 
@@ -197,7 +197,9 @@ def test_a_missing_environment_is_named_with_its_remedy(folder: Path, tmp_path: 
 
 def test_missing_files_are_named_before_a_run(folder: Path, tmp_path: Path, osworld_venv) -> None:
     files = [{"url": "https://a.test/x.txt", "path": "/home/user/x.txt"}]
-    path = put(folder, "t-three", config=[{"type": "download", "parameters": {"files": files}}])
+    path = write_task(
+        folder, "t-three", config=[{"type": "download", "parameters": {"files": files}}]
+    )
     listed = task_files(bench_of(str(path)).tasks)
     reasons = find_unplayable(listed, None, folder=osworld_venv)
     assert "1 files are not in a cache, such as t-three/" in reasons["t-three"]
@@ -207,14 +209,14 @@ def test_missing_files_are_named_before_a_run(folder: Path, tmp_path: Path, oswo
     cache = tmp_path / "cache"
     cache.mkdir()
     assert "t-three" in find_unplayable(listed, cache, on_machines, osworld_venv)
-    ((place,),) = [[file.path for file in list_cache_files(listed[0])]]
-    (cache / place).parent.mkdir(parents=True)
-    (cache / place).write_text("x")
+    ((cached_path,),) = [[file.path for file in list_cache_files(listed[0])]]
+    (cache / cached_path).parent.mkdir(parents=True)
+    (cache / cached_path).write_text("x")
     assert find_unplayable(listed, cache, folder=osworld_venv) == {}
 
 
 def test_missing_packages_are_named_before_a_run(folder: Path, osworld_venv) -> None:
-    unknown = put(folder, "t-three", evaluator={"func": "no_such_metric"})
+    unknown = write_task(folder, "t-three", evaluator={"func": "no_such_metric"})
     listed = task_files(bench_of(str(unknown)).tasks)
     reasons = find_unplayable(listed, None, folder=osworld_venv)
     assert "no metric no_such_metric" in reasons["t-three"]

@@ -169,13 +169,17 @@ def test_an_episode_goes_on_elsewhere_when_its_machine_dies(osworld, tmp_path) -
     assert "(2 machines left)" in result.stderr
     lines = (shelf / "run" / "records.jsonl").read_text().splitlines()
     records = [json.loads(line) for line in lines]
-    (lost,) = [record for record in records if record["desktop"]["machine"] == vms[1]]
-    assert (lost["status"], lost["score"], lost["attempt"]) == ("invalid", None, 0)
+    (lost_record,) = [record for record in records if record["desktop"]["machine"] == vms[1]]
+    assert (lost_record["status"], lost_record["score"], lost_record["attempt"]) == (
+        "invalid",
+        None,
+        0,
+    )
     ended = {(r["task"], r["corruption"]): r for r in records}  # the last attempt counts
     assert len(ended) == 6
     assert {r["score"] for r in ended.values()} == {1.0}
     assert {r["desktop"]["machine"] for r in ended.values()} == {vms[2]}
-    assert ended[lost["task"], lost["corruption"]]["attempt"] == 1
+    assert ended[lost_record["task"], lost_record["corruption"]]["attempt"] == 1
 
 
 def test_a_run_without_a_machine_left_says_why(osworld, tmp_path) -> None:

@@ -26,7 +26,7 @@ from online_env.osworld.tasks import load
 BODY = b"0123456789" * 100
 
 
-def put(folder: Path, name: str, domain: str = "os", **more: Any) -> Path:
+def write_task(folder: Path, name: str, domain: str = "os", **more: Any) -> Path:
     """Write a task of OSWorld, which needs nothing but what `more` says."""
     config = {
         "id": name,
@@ -56,7 +56,7 @@ def launch(*words: str) -> list[dict[str, Any]]:
 def test_files_of_a_download_that_are_no_list_of_objects_are_named(
     tmp_path: Path, files: Any
 ) -> None:
-    path = put(tmp_path, "a1", config=[{"type": "download", "parameters": {"files": files}}])
+    path = write_task(tmp_path, "a1", config=[{"type": "download", "parameters": {"files": files}}])
     with pytest.raises(ConfigError) as caught:
         load(tmp_path)
     assert caught.value.problems == (
@@ -66,7 +66,7 @@ def test_files_of_a_download_that_are_no_list_of_objects_are_named(
 
 
 def test_a_download_of_nothing_wants_nothing(tmp_path: Path) -> None:
-    put(tmp_path, "a1", config=[{"type": "download", "parameters": {}}, *download()])
+    write_task(tmp_path, "a1", config=[{"type": "download", "parameters": {}}, *download()])
     (task,) = load(tmp_path)
     assert list_cache_files(task) == []
 
@@ -90,7 +90,7 @@ def test_a_download_of_nothing_wants_nothing(tmp_path: Path) -> None:
 def test_a_download_that_cannot_be_had_names_its_field(
     tmp_path: Path, entry: dict[str, Any], said: str
 ) -> None:
-    path = put(tmp_path, "a1", config=download({"url": "http://h/y", "path": "/y"}, entry))
+    path = write_task(tmp_path, "a1", config=download({"url": "http://h/y", "path": "/y"}, entry))
     (task,) = load(tmp_path)
     with pytest.raises(ConfigError) as caught:
         list_cache_files(task)
@@ -103,7 +103,7 @@ def test_a_download_that_cannot_be_had_names_its_field(
 def test_a_name_may_have_as_many_bytes_as_a_folder_takes(tmp_path: Path) -> None:
     def task_with(name: str) -> Any:
         cloud = {"type": "cloud_file", "path": "http://h/x", "dest": name}
-        put(tmp_path, "a1", evaluator={"func": "f", "expected": cloud})
+        write_task(tmp_path, "a1", evaluator={"func": "f", "expected": cloud})
         (task,) = load(tmp_path)
         return task
 
@@ -115,11 +115,11 @@ def test_a_name_may_have_as_many_bytes_as_a_folder_takes(tmp_path: Path) -> None
 
 def test_a_file_that_two_getters_want_is_fetched_once(tmp_path: Path) -> None:
     cloud = {"type": "cloud_file", "path": "http://h/x", "dest": "x"}
-    put(tmp_path, "a1", evaluator={"func": "f", "result": cloud, "expected": {"of": cloud}})
-    put(tmp_path, "a2", evaluator={"func": "f", "result": [cloud, None], "expected": None})
+    write_task(tmp_path, "a1", evaluator={"func": "f", "result": cloud, "expected": {"of": cloud}})
+    write_task(tmp_path, "a2", evaluator={"func": "f", "result": [cloud, None], "expected": None})
     with pytest.raises(ConfigError, match=r"evaluator\.expected\[0\]: must be an object"):
         load(tmp_path)
-    put(
+    write_task(
         tmp_path,
         "a1",
         evaluator={"func": "f", "result": cloud, "expected": {"type": "rule", "of": cloud}},
@@ -220,7 +220,7 @@ def test_the_other_files_come_although_an_address_cannot_be_used(url: str, tmp_p
 def test_hosts_are_those_that_an_address_can_have(
     tmp_path: Path, instruction: str, web: str | None
 ) -> None:
-    put(tmp_path, "a1", instruction=instruction)
+    write_task(tmp_path, "a1", instruction=instruction)
     (task,) = load(tmp_path)
     assert list_needs(task).get("web") == web
 
@@ -228,12 +228,12 @@ def test_hosts_are_those_that_an_address_can_have(
 def many(tmp_path: Path) -> Path:
     """A set in which each kind of need is there."""
     file = {"url": "https://a.test/x", "path": "/x"}
-    put(tmp_path, "a-nothing")
-    put(tmp_path, "b-nothing", evaluator={"func": "infeasible"})
-    put(tmp_path, "c-files", config=download(file))
-    put(tmp_path, "d-files-web", config=[*download(file), *launch("x", "http://b.test")])
-    put(tmp_path, "e-gnome", "apps", config=launch("nautilus"))
-    put(tmp_path, "f-account", config=[{"type": "login", "parameters": {}}])
+    write_task(tmp_path, "a-nothing")
+    write_task(tmp_path, "b-nothing", evaluator={"func": "infeasible"})
+    write_task(tmp_path, "c-files", config=download(file))
+    write_task(tmp_path, "d-files-web", config=[*download(file), *launch("x", "http://b.test")])
+    write_task(tmp_path, "e-gnome", "apps", config=launch("nautilus"))
+    write_task(tmp_path, "f-account", config=[{"type": "login", "parameters": {}}])
     return tmp_path
 
 
@@ -258,8 +258,8 @@ def test_a_summary_has_what_can_be_met_first_then_the_need_that_decides(tmp_path
         ("account", 1, "none: the account is somebody's"),
     ]
     lacking = list_all_needs(load(tmp_path), lambda config: ["no pandas"] * (config["id"] < "d"))
-    both = f"{fetch} and hijack osworld setup --tier mid"
-    assert ("files + packages", 1, both) in summary(lacking)
+    advice = f"{fetch} and hijack osworld setup --tier mid"
+    assert ("files + packages", 1, advice) in summary(lacking)
     assert summary([]) == []
 
 
@@ -280,7 +280,7 @@ def test_the_files_of_tasks_that_work_are_listed_as_bench_takes_them(
     result = needs_command(tmp_path, "--working")
     examples = tmp_path / "examples"
     assert result.output == f"{examples}/apps/e-gnome.json,{examples}/os/a-nothing.json\n"
-    put(tmp_path, "c-files")
+    write_task(tmp_path, "c-files")
     assert needs_command(tmp_path, "--working").output == "\n", "another revision, nothing tested"
     out = tmp_path / "tasks.jsonl"
     task_table.write(tasks, out)

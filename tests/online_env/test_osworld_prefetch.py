@@ -220,8 +220,8 @@ def test_check_finds_what_changed_and_a_run_mends_what_is_gone(
     assert wrong["t/a"] == "missing"
     assert wrong["t/b"].startswith("SHA-256 is ")
     assert prefetch(files, tmp_path).fetched == ["t/a"]
-    moved = [CacheFile(server.url("/a"), "t/b")]  # another address now
-    assert prefetch(moved, tmp_path).fetched == ["t/b"]
+    moved_files = [CacheFile(server.url("/a"), "t/b")]  # another address now
+    assert prefetch(moved_files, tmp_path).fetched == ["t/b"]
     assert (tmp_path / "t/b").read_bytes() == BODY
 
 

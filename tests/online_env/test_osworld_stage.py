@@ -184,11 +184,11 @@ def test_the_oracle_types_a_scripts_commands_into_a_terminal(
     monkeypatch.setattr(file_tasks.time, "sleep", lambda _: None)
     task()
     titles = (RUN_DIALOG, TERMINAL_TITLE, "GNU Image Manipulation Program", "Untitled 1")
-    shown = tree("all", *(node("frame", title) for title in titles))
+    window_tree = tree("all", *(node("frame", title) for title in titles))
     names = [name for name, value in SOLUTIONS.items() if value.how == "shell"]
     assert names
     for name in names:
-        hand: Any = ShellHand(shown)
+        hand: Any = ShellHand(window_tree)
         type("Named", (tasks.TASKS.get(NAME),), {"name": name})(0).oracle(hand)
         assert hand.code[:3] == [
             "pyautogui.hotkey('alt', 'f2')",

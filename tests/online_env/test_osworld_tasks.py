@@ -25,7 +25,7 @@ GOOD: dict[str, Any] = {
 }
 
 
-def put(folder: Path, *tasks: dict[str, Any] | str, domain: str = "os") -> Path:
+def write_tasks(folder: Path, *tasks: dict[str, Any] | str, domain: str = "os") -> Path:
     for number, task in enumerate(tasks):
         name = (
             task["id"]
@@ -55,11 +55,11 @@ def test_both_revisions_load_and_are_named(
 
 
 def test_any_change_is_another_revision(tmp_path: Path) -> None:
-    before = load(put(tmp_path / "a", GOOD)).revision
+    before = load(write_tasks(tmp_path / "a", GOOD)).revision
     assert before.name == "unknown"
-    assert load(put(tmp_path / "b", GOOD)).revision == before
-    assert load(put(tmp_path / "c", {**GOOD, "instruction": "Do it."})).revision != before
-    assert load(put(tmp_path / "d", GOOD, domain="vlc")).revision != before
+    assert load(write_tasks(tmp_path / "b", GOOD)).revision == before
+    assert load(write_tasks(tmp_path / "c", {**GOOD, "instruction": "Do it."})).revision != before
+    assert load(write_tasks(tmp_path / "d", GOOD, domain="vlc")).revision != before
 
 
 def test_the_table_has_3321_rows_and_is_the_same_every_time(
@@ -96,7 +96,7 @@ def test_an_instruction_may_hold_what_some_take_for_the_end_of_a_line(
 ) -> None:
     out = tmp_path / "tasks.jsonl"
     instruction = f"Write{odd}this"
-    task_table.write(load(put(tmp_path, {**GOOD, "instruction": instruction})), out)
+    task_table.write(load(write_tasks(tmp_path, {**GOOD, "instruction": instruction})), out)
     (task,) = task_table.read(out)
     assert task.instruction == instruction
 
@@ -126,13 +126,15 @@ BROKEN: list[tuple[Any, str]] = [
 @pytest.mark.parametrize(("content", "message"), BROKEN)
 def test_mistakes_name_file_and_field(tmp_path: Path, content: Any, message: str) -> None:
     with pytest.raises(ConfigError, match=message) as caught:
-        load(put(tmp_path, content))
+        load(write_tasks(tmp_path, content))
     assert str(tmp_path / "examples" / "os") in str(caught.value)
 
 
 def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
-    put(tmp_path, "{", {**GOOD, "id": "a1"})
-    put(tmp_path, {**GOOD, "id": "a1"}, {**GOOD, "id": "a2", "instruction": 3}, domain="vlc")
+    write_tasks(tmp_path, "{", {**GOOD, "id": "a1"})
+    write_tasks(
+        tmp_path, {**GOOD, "id": "a1"}, {**GOOD, "id": "a2", "instruction": 3}, domain="vlc"
+    )
     (tmp_path / "examples" / "os" / "other.json").write_text(json.dumps(GOOD))
     (tmp_path / "examples" / "os" / "bytes.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError) as caught:
@@ -150,7 +152,7 @@ def test_an_empty_folder_says_what_was_expected(tmp_path: Path) -> None:
 
 
 def test_only_takes_beginnings_and_refuses_the_unclear(tmp_path: Path) -> None:
-    tasks = load(put(tmp_path, GOOD, {**GOOD, "id": "a2"}, {**GOOD, "id": "b1"}))
+    tasks = load(write_tasks(tmp_path, GOOD, {**GOOD, "id": "a2"}, {**GOOD, "id": "b1"}))
     assert [task.id for task in tasks.only(["b", "a2"])] == ["a2", "b1"]
     for wrong, message in (
         ("a", "fits 2 tasks"),
@@ -162,7 +164,7 @@ def test_only_takes_beginnings_and_refuses_the_unclear(tmp_path: Path) -> None:
 
 
 def test_nothing_is_left_where_the_table_cant_be_written(tmp_path: Path) -> None:
-    tasks = load(put(tmp_path, GOOD))
+    tasks = load(write_tasks(tmp_path, GOOD))
     with pytest.raises(HijackError, match="cannot be written"):
         task_table.write(tasks, tmp_path / "no" / "tasks.jsonl")
     (tmp_path / "out").mkdir()
@@ -173,7 +175,7 @@ def test_nothing_is_left_where_the_table_cant_be_written(tmp_path: Path) -> None
 
 def test_a_damaged_table_names_its_line(tmp_path: Path) -> None:
     out = tmp_path / "tasks.jsonl"
-    task_table.write(load(put(tmp_path, GOOD)), out)
+    task_table.write(load(write_tasks(tmp_path, GOOD)), out)
     lines = out.read_text().splitlines()
     second = json.loads(lines[0]) | {"revision": "unknown@0"}
     for text, message in (
@@ -191,7 +193,7 @@ def test_a_damaged_table_names_its_line(tmp_path: Path) -> None:
 
 def test_rows_of_one_task_that_differ_are_refused(tmp_path: Path) -> None:
     out = tmp_path / "tasks.jsonl"
-    task_table.write(load(put(tmp_path, GOOD)), out)
+    task_table.write(load(write_tasks(tmp_path, GOOD)), out)
     lines = out.read_text().splitlines()
     row = json.loads(lines[3])
     row["task"]["instruction"] = "Do something else"

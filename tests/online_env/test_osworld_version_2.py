@@ -65,17 +65,17 @@ def run(capsys, *words):
 
 
 def test_what_a_file_says_is_read_without_running_it(folder):
-    plain, whole = version_2.load(folder).tasks
+    plain, whole_task = version_2.load(folder).tasks
     assert (plain.id, plain.instruction, plain.apps) == (
         "001",
         "First. Then 001.",
         ("thunderbird",),
     )
     assert set(plain.needs) == {"runner"}
-    assert whole.instruction == "Open https://mailhub.{...}/{...} now."
-    assert set(whole.needs) == set(version_2.NEEDS)
-    assert (whole.needs["user"], whole.needs["judge"]) == ("llm", "compare_text_with_llm")
-    assert whole.needs["disk"] == "volume_size 100"
+    assert whole_task.instruction == "Open https://mailhub.{...}/{...} now."
+    assert set(whole_task.needs) == set(version_2.NEEDS)
+    assert (whole_task.needs["user"], whole_task.needs["judge"]) == ("llm", "compare_text_with_llm")
+    assert whole_task.needs["disk"] == "volume_size 100"
 
 
 def test_tasks_are_listed_and_planned(folder, tmp_path, capsys):

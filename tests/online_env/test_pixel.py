@@ -144,12 +144,12 @@ def test_only_what_changed_is_read_and_nothing_twice():
     cache = TextCache()
     reader = ScreenReader(cache)
     first = reader.read(renaming(5))
-    whole = reader.counts.pixels
+    pixel_count = reader.counts.pixels
     second = reader.read(renaming(6))
     assert "draft.txt" in [item.text for item in first]
     assert "draft.txt" not in [item.text for item in second]
     assert {line.since for line in second} == {0, 1}
-    assert reader.counts.pixels < 1.7 * whole
+    assert reader.counts.pixels < 1.7 * pixel_count
     calls = reader.counts.calls
     assert reader.read(renaming(6).copy()) == second
     again = ScreenReader(cache)
@@ -195,13 +195,13 @@ def test_processes_that_need_the_same_text_read_it_once(tmp_path):
 def test_a_text_that_was_cut_off_is_read_again(tmp_path):
     expected = ScreenReader(sharing(tmp_path)).read(renaming(5))
     (file,) = tmp_path.iterdir()
-    whole = file.read_text()
-    file.write_text(whole[:-20])
+    text = file.read_text()
+    file.write_text(text[:-20])
     for calls in (1, 0):
         reader = ScreenReader(sharing(tmp_path))
         assert reader.read(renaming(5)) == expected
         assert (reader.counts.calls, reader.counts.kept) == (calls, 1 - calls)
-    assert file.read_text() == whole
+    assert file.read_text() == text
 
 
 def test_a_folder_that_cannot_be_written_changes_nothing(tmp_path):
@@ -245,8 +245,8 @@ def test_only_the_plan_says_that_a_task_cannot_be_done():
     result = play(make("pixel"), ['click "Copy"', 'give up "no"'], *[with_menu()] * 2)
     assert [actions[0] for _, actions in result][1] == "FAIL"
     agent = make("pixel_onlooker_no_summary")
-    lost = play(agent, ['click "Trash"', 'give up "no"'], *[with_menu()] * 3)
-    assert lost[-1][1] == ["DONE"]
+    answers = play(agent, ['click "Trash"', 'give up "no"'], *[with_menu()] * 3)
+    assert answers[-1][1] == ["DONE"]
 
 
 @pytest.mark.parametrize("name", ["pixel", "pixel_onlooker"])
@@ -295,10 +295,10 @@ def test_a_summary_says_what_came_and_went():
 
 
 def test_a_minimised_window_is_restored_by_its_button():
-    whole = picture("hijack_data/assets/desktop-thunar-1920x1080-1.webp")
+    screen = picture("hijack_data/assets/desktop-thunar-1920x1080-1.webp")
     lines = [
         replace(item, box=(item.box[0], item.box[1] + 980, item.box[2], item.box[3] + 980))
-        for item in ScreenReader().read(whole[980:])
+        for item in ScreenReader().read(screen[980:])
     ]
     onlooker = PictureOnlooker(())
     item = onlooker.watch(lines, (1080, 1920), ["Thunar"])
@@ -334,9 +334,9 @@ def test_a_window_that_came_during_the_task_is_not_foreign():
     onlooker = PictureOnlooker(())
     first = [AT_WORK, *panel("Documents - Thunar")]
     assert onlooker.watch(first, SIZE, ["Thunar"]) is None
-    opened = [AT_WORK, *panel("Documents - Thunar", "a.zip - xarchiver 0.5")]
-    assert onlooker.watch(opened, SIZE, ["Thunar"]) is None
-    assert PictureOnlooker(()).watch(opened, SIZE, ["Thunar"]).kind == COVERED
+    texts = [AT_WORK, *panel("Documents - Thunar", "a.zip - xarchiver 0.5")]
+    assert onlooker.watch(texts, SIZE, ["Thunar"]) is None
+    assert PictureOnlooker(()).watch(texts, SIZE, ["Thunar"]).kind == COVERED
 
 
 def test_a_foreign_window_is_known_again_by_a_button_that_is_cut_short():
@@ -351,8 +351,8 @@ def test_a_foreign_window_is_known_again_by_a_button_that_is_cut_short():
 def test_where_the_own_window_cannot_be_read_no_window_is_foreign():
     onlooker = PictureOnlooker(())
     assert onlooker.watch([line("Some text", y=300), *panel("*****")], SIZE, ["Thunar"]) is None
-    both = [AT_WORK, *panel("*****", "Documents - Thunar")]
-    assert onlooker.watch(both, SIZE, ["Thunar"]) is None
+    texts = [AT_WORK, *panel("*****", "Documents - Thunar")]
+    assert onlooker.watch(texts, SIZE, ["Thunar"]) is None
 
 
 # What it is given

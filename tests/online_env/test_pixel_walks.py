@@ -109,18 +109,24 @@ def test_the_wheel_turns_so_often_then_it_waits_and_then_it_is_lost(screens):
     result = walk('scroll up to "Trash"')
     actions = [result.act(picture).action for _ in range(MAX_SCROLLS + MAX_WAITS)]
     assert actions == ["pyautogui.scroll(5, 300, 200)"] * MAX_SCROLLS + ["WAIT"] * MAX_WAITS
-    lost = result.act(picture)
-    assert (lost.is_lost, lost.action) == (True, "")
-    assert lost.words.endswith("I do not see 'Trash'. The closest text is 'Sent'.")
+    answer = result.act(picture)
+    assert (answer.is_lost, answer.action) == (True, "")
+    assert answer.words.endswith("I do not see 'Trash'. The closest text is 'Sent'.")
     result.wait_again()
     assert result.act(picture).action == "pyautogui.scroll(5, 300, 200)"
     assert not result.ended
 
 
 def test_a_text_that_comes_late_is_clicked_and_the_next_one_is_waited_for_anew(screens):
-    empty, first, both = screens(), screens(line("One")), screens(line("One"), line("Four", 0, 50))
+    empty, first, two_lines = (
+        screens(),
+        screens(line("One")),
+        screens(line("One"), line("Four", 0, 50)),
+    )
     value = walk('window "One"', 'click "One"', 'click "Four"')
-    actions = [value.act(picture).action for picture in (empty, empty, first, first, first, both)]
+    actions = [
+        value.act(picture).action for picture in (empty, empty, first, first, first, two_lines)
+    ]
     clicks = ["pyautogui.click(15, 10)", "pyautogui.click(20, 60)"]
     assert actions == ["WAIT", "WAIT", clicks[0], "WAIT", "WAIT", clicks[1]]
 

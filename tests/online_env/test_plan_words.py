@@ -15,26 +15,26 @@ def read(line: str) -> PlanStep:
     return step
 
 
-def told(line: str, **parts: object) -> None:
+def check_step(line: str, **parts: object) -> None:
     assert read(line) == PlanStep(line=line, **parts)
 
 
 def test_each_form_is_read():
-    told('window "Thunar"', verb="window", text="Thunar")
-    told('click "File"', verb="click", text="File")
-    told('double-click "a b"', verb="double-click", text="a b")
-    told('click "Edit" near "Summary"', verb="click", text="Edit", near="Summary")
-    told('right-click left of "x"', verb="right-click", text="x", side="left of")
-    told('ctrl-click below "x" near "y"', verb="ctrl-click", text="x", side="below", near="y")
-    told(r'type "one\ntwo"', verb="type", text="one\ntwo")
-    told("press Ctrl+S", verb="press", keys=("ctrl", "s"))
-    told("press tab 3 times", verb="press", keys=("tab",), count=3)
-    told("scroll up", verb="scroll", way="up")
-    told("scroll down 12", verb="scroll", way="down", count=12)
-    told('scroll down to "Send"', verb="scroll", way="down", text="Send")
-    told("wait", verb="wait")
-    told('wait for "Saved" near "notes"', verb="wait", text="Saved", near="notes")
-    told('give up "no button"', verb="give up", text="no button")
+    check_step('window "Thunar"', verb="window", text="Thunar")
+    check_step('click "File"', verb="click", text="File")
+    check_step('double-click "a b"', verb="double-click", text="a b")
+    check_step('click "Edit" near "Summary"', verb="click", text="Edit", near="Summary")
+    check_step('right-click left of "x"', verb="right-click", text="x", side="left of")
+    check_step('ctrl-click below "x" near "y"', verb="ctrl-click", text="x", side="below", near="y")
+    check_step(r'type "one\ntwo"', verb="type", text="one\ntwo")
+    check_step("press Ctrl+S", verb="press", keys=("ctrl", "s"))
+    check_step("press tab 3 times", verb="press", keys=("tab",), count=3)
+    check_step("scroll up", verb="scroll", way="up")
+    check_step("scroll down 12", verb="scroll", way="down", count=12)
+    check_step('scroll down to "Send"', verb="scroll", way="down", text="Send")
+    check_step("wait", verb="wait")
+    check_step('wait for "Saved" near "notes"', verb="wait", text="Saved", near="notes")
+    check_step('give up "no button"', verb="give up", text="no button")
 
 
 @pytest.mark.parametrize(

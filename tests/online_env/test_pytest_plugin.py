@@ -27,9 +27,11 @@ def test_it_imports_next_to_nothing():
     process = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
-    loaded = set(process.stdout.split())
-    assert {name for name in loaded if name.startswith(("online_env", "hijack_data"))} == CHEAP
-    assert not loaded & {"numpy", "yaml", "click", "PIL", "gymnasium"}
+    module_names = set(process.stdout.split())
+    assert {
+        name for name in module_names if name.startswith(("online_env", "hijack_data"))
+    } == CHEAP
+    assert not module_names & {"numpy", "yaml", "click", "PIL", "gymnasium"}
 
 
 def test_others_tests_run_as_before_and_the_mark_is_declared(pytester):

@@ -24,7 +24,7 @@ from online_env.recording.trajectory import EpisodeRecording, RecordedView, prep
 SIZE = (1080, 1920)
 
 
-def told(*events):
+def recognize(*events):
     """The actions that events become; a number among them lets time pass."""
     now = [0.0]
     values = []
@@ -64,26 +64,26 @@ def key(kind, name):
     ],
 )
 def test_how_near_and_how_soon_a_second_click_must_come(off, pause, kinds):
-    assert [item.type for item in told(*click(30, 40), pause, *click(30, 40 + off))] == kinds
+    assert [item.type for item in recognize(*click(30, 40), pause, *click(30, 40 + off))] == kinds
 
 
 def test_a_click_after_a_drag_is_a_click_of_its_own():
     drag = (button("down", 30, 40), button("up", 90, 40))
-    result = told(*drag, 0.1, *click(30, 40))
+    result = recognize(*drag, 0.1, *click(30, 40))
     assert [item.type for item in result] == ["drag", "click"]
     assert (result[0].x, result[0].x2) == (30, 90)
 
 
 def test_what_only_the_left_button_has_a_name_for_is_never_taken_for_it():
-    (twice,) = told(*click(7, 8, "right"), 0.1, *click(7, 8, "right"))
-    (drag,) = told(button("down", 7, 8, "right"), button("up", 99, 8, "right"))
+    (twice,) = recognize(*click(7, 8, "right"), 0.1, *click(7, 8, "right"))
+    (drag,) = recognize(button("down", 7, 8, "right"), button("up", 99, 8, "right"))
     assert not {twice.type, drag.type} & {"click", "double_click", "drag"}
 
 
 def test_a_button_that_is_let_go_elsewhere_than_on_the_page_is_a_click():
-    assert told(button("down", 7, 8)) == [Action("click", 7, 8)]
-    assert told(button("up", 7, 8)) == []
-    assert told(*click(7, 8), {"type": "type", "text": "a"}, button("up", 500, 8)) == [
+    assert recognize(button("down", 7, 8)) == [Action("click", 7, 8)]
+    assert recognize(button("up", 7, 8)) == []
+    assert recognize(*click(7, 8), {"type": "type", "text": "a"}, button("up", 500, 8)) == [
         Action("click", 7, 8),
         Action("type", text="a"),
     ]
@@ -91,37 +91,39 @@ def test_a_button_that_is_let_go_elsewhere_than_on_the_page_is_a_click():
 
 def test_modifiers_are_written_in_the_order_in_which_they_went_down():
     items = (key("key_down", "ctrl"), key("key_down", "shift"))
-    (value,) = told(*items, key("key", "t"), key("key_up", "shift"), key("key_up", "ctrl"))
+    (value,) = recognize(*items, key("key", "t"), key("key_up", "shift"), key("key_up", "ctrl"))
     assert value.keys == ("ctrl", "shift", "t")
-    first, second = told(*items, key("key", "a"), key("key_up", "shift"), key("key", "b"))
+    first, second = recognize(*items, key("key", "a"), key("key_up", "shift"), key("key", "b"))
     assert (first.keys, second.keys) == (("ctrl", "shift", "a"), ("ctrl", "b"))
 
 
 def test_a_modifier_that_comes_between_two_clicks_parts_them():
     events = (*click(7, 8), key("key_down", "ctrl"), *click(7, 8), key("key_up", "ctrl"))
-    result = told(*events)
+    result = recognize(*events)
     assert [(item.type, item.keys) for item in result] == [("click", None), ("click", ("ctrl",))]
 
 
 def test_the_windows_key_opens_a_menu_only_if_it_was_pressed_alone():
-    assert [item.keys for item in told(key("key_down", "win"), key("key_up", "win"))] == [("win",)]
-    used = (key("key_down", "win"), key("key", "d"), key("key_up", "win"))
-    assert [item.keys for item in told(*used)] == [("win", "d")]
-    assert told(key("key_up", "win")) == [], "it went down before the page was opened"
+    assert [item.keys for item in recognize(key("key_down", "win"), key("key_up", "win"))] == [
+        ("win",)
+    ]
+    used_actions = (key("key_down", "win"), key("key", "d"), key("key_up", "win"))
+    assert [item.keys for item in recognize(*used_actions)] == [("win", "d")]
+    assert recognize(key("key_up", "win")) == [], "it went down before the page was opened"
 
 
 def test_the_wheel_elsewhere_or_later_is_another_scroll():
     def turn(x, amount=1):
         return {"type": "scroll", "x": x, "y": 9, "amount": amount}
 
-    assert [item.amount for item in told(turn(1), 2.0, turn(1, 2))] == [3]
-    assert [item.amount for item in told(turn(1), 2.1, turn(1, 2))] == [1, 2]
-    assert [item.amount for item in told(turn(1), turn(2, 2))] == [1, 2]
+    assert [item.amount for item in recognize(turn(1), 2.0, turn(1, 2))] == [3]
+    assert [item.amount for item in recognize(turn(1), 2.1, turn(1, 2))] == [1, 2]
+    assert [item.amount for item in recognize(turn(1), turn(2, 2))] == [1, 2]
 
 
 def test_text_with_quotes_and_lines_is_written_as_it_was_typed():
     text = 'it\'s "so"\\\n{x}\t'
-    assert told(*({"type": "type", "text": letter} for letter in text)) == [
+    assert recognize(*({"type": "type", "text": letter} for letter in text)) == [
         Action("type", text=text)
     ]
 
@@ -136,8 +138,8 @@ def test_a_part_of_a_picture_is_cut_to_it_and_keeps_what_lies_wholly_inside():
         ClickTarget("edge", "push-button", (105, 55, 130, 80)),
         ClickTarget("across", "push-button", (100, 60, 120, 70)),
     ]
-    whole = Picture("window", "geany", (100, 50, 160, 90), pixels, "made", targets)
-    part = whole.part("panel", (105, 55, 130, 999), made_by="cut")
+    window_picture = Picture("window", "geany", (100, 50, 160, 90), pixels, "made", targets)
+    part = window_picture.part("panel", (105, 55, 130, 999), made_by="cut")
     assert (part.kind, part.app, part.box, part.made_by) == (
         "panel",
         "geany",
@@ -158,8 +160,10 @@ def test_a_desktop_that_fails_loses_the_rest_of_its_scene_only(monkeypatch, tmp_
 
     monkeypatch.setattr(assets, "EmbeddedDesktop", Desktop)
     output = []
-    lost = assets.record_assets(tmp_path, ["icon", "menu"], [(720, 1280), SIZE], output.append)
-    assert [(item.name, item.reason) for item in lost] == [
+    missing_assets = assets.record_assets(
+        tmp_path, ["icon", "menu"], [(720, 1280), SIZE], output.append
+    )
+    assert [(item.name, item.reason) for item in missing_assets] == [
         ("the rest of menus", "no desktop of 1920x1080"),
         ("the rest of parts", "no desktop of 1920x1080"),
     ]

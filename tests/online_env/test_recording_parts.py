@@ -180,9 +180,14 @@ def test_a_kind_that_does_not_exist_is_told_before_anything_starts(tmp_path):
     assert SIZES[0] == (1080, 1920)
     once = ("menu", "icon", "wallpaper")
     assert all(
-        where(SIZES[-1], GOLDEN) for _, kinds, where in SCENES if not kinds.intersection(once)
+        record_scene(SIZES[-1], GOLDEN)
+        for _, kinds, record_scene in SCENES
+        if not kinds.intersection(once)
     )
-    assert all(where(SIZES[0], GOLDEN) != where(LARGE, GOLDEN) for _, _, where in SCENES)
+    assert all(
+        record_scene(SIZES[0], GOLDEN) != record_scene(LARGE, GOLDEN)
+        for _, _, record_scene in SCENES
+    )
     assert frozenset().union(*(kinds for _, kinds, _ in SCENES)) == frozenset(picture_kinds())
 
 

@@ -43,8 +43,8 @@ def element(role, name, box, states="showing visible enabled"):
     """A node of the accessibility tree."""
     x1, y1, x2, y2 = box
     marks = " ".join(f'st:{state}="true"' for state in states.split())
-    place = f'cp:screencoord="({x1}, {y1})" cp:size="({x2 - x1}, {y2 - y1})"'
-    return f'<{role} name="{name}" {marks} {place}/>'
+    position = f'cp:screencoord="({x1}, {y1})" cp:size="({x2 - x1}, {y2 - y1})"'
+    return f'<{role} name="{name}" {marks} {position}/>'
 
 
 def tree(**apps):

@@ -43,7 +43,7 @@ def file_of(section):
     return next(block for block in blocks_of(PAGE)[number:] if block.language == "python").text
 
 
-def played(section, folder, max_steps=5, edit=lambda code: code):
+def play_section(section, folder, max_steps=5, edit=lambda code: code):
     """The record of an episode that the agent of a section plays, and its desktop."""
     file = folder / "my_agent.py"
     file.write_text(edit(file_of(section)))
@@ -67,7 +67,7 @@ def played(section, folder, max_steps=5, edit=lambda code: code):
 )
 def test_the_agent_of_a_section_does_the_task(section, package, requests, endpoint, tmp_path):
     pytest.importorskip(package, reason=f"needs the package {package}")
-    record, desktop = played(section, tmp_path)
+    record, desktop = play_section(section, tmp_path)
     assert (record["status"], record["score"]) == ("ok", 1.0), record["problem"]
     assert (record["steps"], record["ended"], len(desktop.ran)) == (2, "agent", 1)
     assert len(endpoint.requests) == requests
@@ -80,7 +80,7 @@ def test_the_agent_of_a_section_does_the_task(section, package, requests, endpoi
 def test_a_loop_that_never_ends_is_ended_by_the_limit(section, endpoint, tmp_path):
     pytest.importorskip("anthropic" if "Anthropic" in section else "openai")
     endpoint.never_done = True
-    record, _ = played(section, tmp_path, max_steps=3)
+    record, _ = play_section(section, tmp_path, max_steps=3)
     assert (record["status"], record["ended"], record["steps"]) == ("ok", "max_steps", 3)
     assert len(endpoint.requests) == 3
 
@@ -94,14 +94,14 @@ def test_anthropics_toolset_is_read_as_the_page_says(endpoint, tmp_path):
         assert old in code
         return code.replace(old, new)
 
-    record, _ = played("A loop around Anthropic's API", tmp_path, edit=edit)
+    record, _ = play_section("A loop around Anthropic's API", tmp_path, edit=edit)
     assert record["score"] == 1.0
 
 
 @pytest.mark.filterwarnings("ignore")
 def test_agent_s3(endpoint, tmp_path):
     pytest.importorskip("gui_agents", reason="needs the extra [agent-s]", exc_type=ImportError)
-    record, _ = played("Agent S3", tmp_path)
+    record, _ = play_section("Agent S3", tmp_path)
     assert (record["status"], record["score"]) == ("ok", 1.0), record["problem"]
     assert (record["malformed"], record["last_action"]) == (0, "DONE")
 
@@ -144,12 +144,12 @@ def test_cua_agent(model, endpoint, tmp_path):
     def edit(code):
         return code.replace("anthropic/claude-sonnet-4-6", model)
 
-    record, desktop = played("cua-agent", tmp_path, edit=edit)
+    record, desktop = play_section("cua-agent", tmp_path, edit=edit)
     assert (record["status"], record["score"]) == ("ok", 1.0), record["problem"]
     assert len(desktop.ran) == 1
     endpoint.never_done = True
     (tmp_path / "endless").mkdir()
-    record, _ = played("cua-agent", tmp_path / "endless", max_steps=3, edit=edit)
+    record, _ = play_section("cua-agent", tmp_path / "endless", max_steps=3, edit=edit)
     assert (record["ended"], record["steps"]) == ("max_steps", 3)
 
 
@@ -161,7 +161,7 @@ def test_a_cua_agent_that_touches_nothing_fails(endpoint, tmp_path):
     def edit(code):
         return code.replace("anthropic/claude-sonnet-4-6", "openai/gpt-5.4")
 
-    record, _ = played("cua-agent", tmp_path, edit=edit)
+    record, _ = play_section("cua-agent", tmp_path, edit=edit)
     assert record["status"] == "error"
     assert "5 turns without touching the computer" in record["problem"]
     assert len(endpoint.requests) < 12

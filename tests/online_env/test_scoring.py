@@ -17,12 +17,12 @@ pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.locking import LockedError
 from online_env.bench.config import Bench, override
+from online_env.errors import AgentSetupError
 from online_env.results import origin, records
 from online_env.results.parts import part_rows
 from online_env.results.reading import RunError
 from online_env.results.scores import rows as score_rows
 from online_env.scoring.cases import Selection, choose_question
-from online_env.scoring.row_asker import AgentStartError
 from online_env.scoring.rules import Distance
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from pipelines import build
@@ -51,7 +51,7 @@ def settings_for(folder, *agents, **more):
     return ScoreSettings(dataset=folder, agents=names, question=question, **more)
 
 
-def played(settings, out, resume=False):
+def play_rows(settings, out, resume=False):
     """Run to the end; returns the notices and the run."""
     run = ScoreRun(settings)
     notices = []
@@ -73,9 +73,9 @@ def edit(folder, name, change):
     table = pq.read_table(file)
     values = table.column(name).to_pylist()
     change(values)
-    place = table.schema.get_field_index(name)
-    field = table.schema.field(place)
-    pq.write_table(table.set_column(place, field, pa.array(values, field.type)), file)
+    index = table.schema.get_field_index(name)
+    field = table.schema.field(index)
+    pq.write_table(table.set_column(index, field, pa.array(values, field.type)), file)
 
 
 def hijack(*words, **more):
@@ -84,7 +84,7 @@ def hijack(*words, **more):
 
 
 def test_steps_are_scored_and_paired(clicks, agents, tmp_path):
-    _, run = played(settings_for(clicks, f"{agents}:ByBrightness"), tmp_path / "run")
+    _, run = play_rows(settings_for(clicks, f"{agents}:ByBrightness"), tmp_path / "run")
     result = by_row(run)
     assert {row: record["score"] for row, record in result.items()} == {
         "t0/0000/clean": 1,
@@ -110,7 +110,7 @@ def test_materialised_and_lazy_rows_score_alike(agents, tmp_path):
     items = []
     for output in ("materialised", "lazy"):
         folder = dataset(tmp_path / output, CLICKS, "marks:number=3,resolution", output=output)
-        _, run = played(settings_for(folder, "random"), tmp_path / f"run-{output}")
+        _, run = play_rows(settings_for(folder, "random"), tmp_path / f"run-{output}")
         items.append({row: (r["last_action"], r["score"]) for row, r in by_row(run).items()})
     assert len(items[0]) == 6
     assert items[0] == items[1]
@@ -160,8 +160,8 @@ def test_an_agent_that_misbehaves_costs_its_row_and_nothing_else(agents, tmp_pat
 
 def test_each_row_is_an_episode_of_its_own(clicks, agents, tmp_path):
     for name in ("Remembers", "Resets"):
-        chosen = settings_for(clicks, f"{agents}:{name}")
-        _, run = played(chosen, tmp_path / name)
+        settings = settings_for(clicks, f"{agents}:{name}")
+        _, run = play_rows(settings, tmp_path / name)
         value = by_row(run)
         assert value["t0/0000/clean"]["score"] == value["t0/0000/resolution"]["score"] == 1
     assert {record["said"] for record in run.records} == {"made 1"}
@@ -170,8 +170,8 @@ def test_each_row_is_an_episode_of_its_own(clicks, agents, tmp_path):
 def test_batches_and_a_batch_that_fails(agents, tmp_path):
     steps = [*CLICKS, {"instruction": "raise 100,50"}, {"instruction": "click 100,50"}]
     folder = dataset(tmp_path, steps)
-    chosen = settings_for(folder, f"{agents}:Batched", batch=4)
-    notices, run = played(chosen, tmp_path / "run")
+    settings = settings_for(folder, f"{agents}:Batched", batch=4)
+    notices, run = play_rows(settings, tmp_path / "run")
     assert len(run.records) == 8
     assert Counter(record["score"] for record in run.records) == {1: 6, 0: 2}
     output = Counter(record["said"] for record in run.records)
@@ -184,8 +184,8 @@ def test_workers_do_not_change_the_records(agents, tmp_path):
     folder = dataset(tmp_path, CLICKS * 10)
     items = []
     for workers in (1, 3):
-        chosen = settings_for(folder, "random", workers=workers)
-        _, run = played(chosen, tmp_path / f"run{workers}")
+        settings = settings_for(folder, "random", workers=workers)
+        _, run = play_rows(settings, tmp_path / f"run{workers}")
         items.append({row: (r["last_action"], r["score"]) for row, r in by_row(run).items()})
     assert len(items[0]) == 40
     assert items[0] == items[1]
@@ -236,22 +236,22 @@ def is_running(pid):
 
 def test_another_run_is_refused(clicks, agents, tmp_path):
     out = tmp_path / "run"
-    played(settings_for(clicks, "fail"), out)
+    play_rows(settings_for(clicks, "fail"), out)
     score_run = ScoreRun(settings_for(clicks, "fail", near=Distance(8)))
     with pytest.raises(RunError, match="distance was"):
         score_run.begin(out, resume=True)
     with pytest.raises(RunError, match="holds a run already"):
         ScoreRun(settings_for(clicks, "fail")).begin(out, resume=False)
-    moved = shutil.copytree(clicks, tmp_path / "moved")
-    ScoreRun(settings_for(moved, "fail")).begin(out, resume=True).release()
-    changed = dataset(tmp_path, CLICKS[:1])
+    moved_folder = shutil.copytree(clicks, tmp_path / "moved")
+    ScoreRun(settings_for(moved_folder, "fail")).begin(out, resume=True).release()
+    other_dataset = dataset(tmp_path, CLICKS[:1])
     with pytest.raises(RunError, match="is another run: content was"):
-        ScoreRun(settings_for(changed, "fail")).begin(out, resume=True)
+        ScoreRun(settings_for(other_dataset, "fail")).begin(out, resume=True)
 
 
 def test_a_run_keeps_where_it_was_scored_and_what_agents_were_given(clicks, tmp_path):
     out, settings = tmp_path / "run", settings_for(clicks, "fail")
-    played(settings, out)
+    play_rows(settings, out)
     head = json.loads((out / "run.json").read_text())
     expected = origin.describe(ScoreRun(settings).config(), workers=1)
     assert {key: head[key] for key in expected} == expected
@@ -269,9 +269,9 @@ def test_a_run_keeps_where_it_was_scored_and_what_agents_were_given(clicks, tmp_
 def test_what_is_selected(tmp_path):
     steps = [*CLICKS, {"action": {"type": "other"}, "target_box": None}, {"instruction": "c 1,1"}]
     folder = dataset(tmp_path, steps, "marks,resolution", splits={"train": 0.5, "test": 0.5})
-    every = ScoreRun(settings_for(folder, "fail"))
-    assert len(every.cases.cases) == 9
-    assert every.cases.unscored == 3
+    run = ScoreRun(settings_for(folder, "fail"))
+    assert len(run.cases.cases) == 9
+    assert run.cases.unscored == 3
     marks = ScoreRun(settings_for(folder, "fail", selection=Selection(corruptions=("marks",))))
     assert marks.cases.labels == ("clean", "marks")
     first = ScoreRun(settings_for(folder, "fail", selection=Selection(limit=2)))
@@ -310,8 +310,8 @@ def test_usage(words, message, clicks, capsys):
 
 
 def test_an_agent_that_cannot_be_made_ends_the_run(clicks, agents, tmp_path):
-    with pytest.raises(AgentStartError, match="cannot be made: OSError: no such weights"):
-        played(settings_for(clicks, f"{agents}:Broken"), tmp_path / "run")
+    with pytest.raises(AgentSetupError, match="cannot be made: OSError: no such weights"):
+        play_rows(settings_for(clicks, f"{agents}:Broken"), tmp_path / "run")
 
 
 def test_a_folder_that_is_no_dataset(tmp_path):
@@ -326,7 +326,7 @@ def test_a_damaged_row_is_invalid_and_the_others_are_scored(clicks, agents, tmp_
         pictures[1]["bytes"] = pictures[1]["bytes"][:50]
 
     edit(folder, "screenshot", cut)
-    _, run = played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
+    _, run = play_rows(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
     result = by_row(run)
     damaged = result.pop("t0/0000/resolution")
     assert (damaged["status"], damaged["cause"]) == ("invalid", "machine")
@@ -341,7 +341,7 @@ def test_a_click_outside_its_own_target_is_no_step_to_score(clicks, agents, tmp_
         boxes[0] = [101, 40, 130, 60]  # the click is at 100, 50
 
     edit(folder, "target_box", push)
-    _, run = played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
+    _, run = play_rows(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
     result = by_row(run)
     wrong = result.pop("t0/0000/clean")
     assert (wrong["status"], wrong["cause"], wrong["score"]) == ("invalid", "machine", None)
@@ -399,22 +399,22 @@ def test_the_command_and_the_report(clicks, agents, tmp_path):
 
 def test_verify_finds_what_was_edited(clicks, tmp_path):
     out = tmp_path / "run"
-    played(settings_for(clicks, "fail"), out)
-    whole = rebuild(out)
-    assert whole.ok
-    assert any("hijack score makes them again" in text for text in whole.unproved)
+    play_rows(settings_for(clicks, "fail"), out)
+    report = rebuild(out)
+    assert report.ok
+    assert any("hijack score makes them again" in text for text in report.unproved)
     answers = len((out / "records.jsonl").read_text().splitlines())
-    assert whole.lines()[0] == f"{out}: {answers} answers to rows of a dataset: nothing differs"
+    assert report.lines()[0] == f"{out}: {answers} answers to rows of a dataset: nothing differs"
     path = out / "records.jsonl"
-    kept = path.read_text()
-    path.write_text(kept.replace('"score": 0.0', '"score": 1.0', 1))
+    text_before = path.read_text()
+    path.write_text(text_before.replace('"score": 0.0', '"score": 1.0', 1))
     assert any("line 2: does not follow on line 1" in text for text in rebuild(out).problems)
-    path.write_text("".join(kept.splitlines(keepends=True)[:-1]))
+    path.write_text("".join(text_before.splitlines(keepends=True)[:-1]))
     assert any("1 of 4 planned episodes" in text for text in rebuild(out).problems)
 
 
 def test_no_frame_of_ours_calls_the_agent(clicks, agents, tmp_path):
-    _, run = played(settings_for(clicks, f"{agents}:Nosy"), tmp_path / "run")
+    _, run = play_rows(settings_for(clicks, f"{agents}:Nosy"), tmp_path / "run")
     for record in run.records:
         callers = [Path(name).name for name in record["said"].split()]
         assert "agent_server.py" in callers
@@ -432,7 +432,7 @@ def test_a_script_is_part_of_the_run(clicks, tmp_path, monkeypatch):
     script.write_text("- pyautogui.click(100, 50)\n")
     monkeypatch.setenv("AGENTHIJACK_SCRIPT", str(script))
     out = tmp_path / "run"
-    _, run = played(settings_for(clicks, "scripted"), out)
+    _, run = play_rows(settings_for(clicks, "scripted"), out)
     assert {row: r["score"] for row, r in by_row(run).items()}["t1/0000/clean"] == 1
     script.write_text("- DONE\n")
     with pytest.raises(RunError, match=r"code\.scripted\.settings\.sha256"):
@@ -445,7 +445,7 @@ def test_trajectories_of_any_script_have_records_of_their_own(agents, tmp_path):
     names = ("任务一", "任务二", "a b", "a_b")
     steps = [{"trajectory_id": name, **CLICKS[0]} for name in names]
     folder = dataset(tmp_path, steps)
-    _, run = played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
+    _, run = play_rows(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
     assert not run.damaged
     assert not run.missing
     assert {record["task"] for record in run.records} == set(names)
@@ -456,7 +456,7 @@ def test_trajectories_of_any_script_have_records_of_their_own(agents, tmp_path):
 def test_names_that_one_id_stands_for_are_refused(agents, tmp_path):
     folder = dataset(tmp_path, [{"trajectory_id": name, **CLICKS[0]} for name in ("a:b", "a_b")])
     with pytest.raises(RunError, match="ids stand for several episodes, such as 'a_b_0000__clean"):
-        played(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
+        play_rows(settings_for(folder, f"{agents}:Knows"), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 
 
@@ -467,11 +467,11 @@ def test_a_corruption_of_which_no_row_is_left_is_refused(clicks, agents, tmp_pat
         labels[labels.index("resolution")] = "marks"
 
     edit(folder, "corruption", rename)
-    chosen = Selection(corruptions=("marks",), limit=1)
-    assert ScoreRun(settings_for(folder, "fail", selection=chosen)).cases.labels == (
+    selection = Selection(corruptions=("marks",), limit=1)
+    assert ScoreRun(settings_for(folder, "fail", selection=selection)).cases.labels == (
         "clean",
         "marks",
     )
-    chosen = Selection(corruptions=("marks", "resolution"), limit=1)
+    selection = Selection(corruptions=("marks", "resolution"), limit=1)
     with pytest.raises(ParameterError, match=r"no row of 'resolution' is left.*the dataset has 1"):
-        ScoreRun(settings_for(folder, "fail", selection=chosen))
+        ScoreRun(settings_for(folder, "fail", selection=selection))

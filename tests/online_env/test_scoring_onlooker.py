@@ -46,7 +46,7 @@ def agents(tmp_path_factory, folders):
     return path
 
 
-def played(folder, agent, out, ask=None):
+def play_rows(folder, agent, out, ask=None):
     settings = ScoreSettings(
         dataset=folder,
         agents=override(Bench(), agent=agent).agents,
@@ -68,7 +68,7 @@ def over_all(run):
     [("Informed", 1, 1, 0), ("Always", 0.5, 1, 1), ("Never", None, 0, 0)],
 )
 def test_reminders_of_an_export(agent, precision, recall, false_alarms, folders, agents, tmp_path):
-    run = played(folders[1], f"{agents}:{agent}", tmp_path / "run")
+    run = play_rows(folders[1], f"{agents}:{agent}", tmp_path / "run")
     row = over_all(run)
     assert row["n"] == 6
     assert row["precision"] == precision
@@ -77,7 +77,7 @@ def test_reminders_of_an_export(agent, precision, recall, false_alarms, folders,
 
 
 def test_reminders_of_a_dataset_ask_about_every_row(folders, agents, tmp_path):
-    run = played(folders[0], f"{agents}:Informed", tmp_path / "run", ask="reminders")
+    run = play_rows(folders[0], f"{agents}:Informed", tmp_path / "run", ask="reminders")
     counts = Counter((r["corruption"], r["needed"], r["given"]) for r in run.records)
     assert counts[("verification", True, True)] == 3
     assert {key for key in counts if key[1]} == {("verification", True, True)}
@@ -86,7 +86,7 @@ def test_reminders_of_a_dataset_ask_about_every_row(folders, agents, tmp_path):
 
 
 def test_an_onlooker_that_fails_has_missed_the_reminder(folders, agents, tmp_path):
-    run = played(folders[1], f"{agents}:WrongOnlooker", tmp_path / "run")
+    run = play_rows(folders[1], f"{agents}:WrongOnlooker", tmp_path / "run")
     assert {record["problem"] for record in run.records} == {
         "the agent: check must return a text or None, got 3"
     }
@@ -95,7 +95,7 @@ def test_an_onlooker_that_fails_has_missed_the_reminder(folders, agents, tmp_pat
 
 
 def test_summaries(folders, agents, tmp_path):
-    run = played(folders[1], f"{agents}:Always", tmp_path / "run", ask="summaries")
+    run = play_rows(folders[1], f"{agents}:Always", tmp_path / "run", ask="summaries")
     assert run.records
     for record in run.records:
         assert 0 < record["score"] < 1

@@ -68,18 +68,18 @@ def test_precision_and_recall_are_over_all_corruptions_and_their_mean_is_f1():
         ]
     )
     by_label = {row["corruption"]: row for row in result}
-    every = by_label["all"]
-    assert (every["n"], every["precision"], every["recall"]) == (7, 2 / 3, 2 / 3)
-    harmonic = 2 / (1 / every["precision"] + 1 / every["recall"])
-    assert every["f1"] == pytest.approx(harmonic)
-    assert every["false_alarms"] == 1 / 4
+    total = by_label["all"]
+    assert (total["n"], total["precision"], total["recall"]) == (7, 2 / 3, 2 / 3)
+    harmonic = 2 / (1 / total["precision"] + 1 / total["recall"])
+    assert total["f1"] == pytest.approx(harmonic)
+    assert total["false_alarms"] == 1 / 4
     lock = by_label["lock"]
     assert (lock["precision"], lock["recall"], lock["false_alarms"]) == (1.0, 2 / 3, None)
     clean = by_label["clean"]
     assert (clean["precision"], clean["recall"], clean["f1"]) == (0.0, None, 0.0)
 
 
-def shown(records, **config):
+def printed_lines(records, **config):
     """The lines that a scoring run has below the report."""
     stream = io.StringIO()
     run = Run(folder=None, config={"kind": "score", **config}, records=records)
@@ -97,7 +97,7 @@ def test_the_table_of_parts_has_the_order_of_the_configuration_and_names_as_they
         step("t0", "clean", agent="a", parts={"type": True}),
     ]
     config = {"agents": ["a", "[b]"], "corruptions": ["clean", "x"], "question": "steps"}
-    assert shown(records, **config) == [
+    assert printed_lines(records, **config) == [
         "right, in percent",
         "corruption n type malformed hidden",
         "a",
@@ -110,11 +110,11 @@ def test_the_table_of_parts_has_the_order_of_the_configuration_and_names_as_they
 
 def test_below_the_table_stands_what_of_the_dataset_is_not_in_it():
     record = made("a", "t0", question="summaries")
-    assert shown([record], question="summaries", unscored=2, unpaired=3) == [
+    assert printed_lines([record], question="summaries", unscored=2, unpaired=3) == [
         "2 rows have an action of no known type and are not scored",
         "3 corrupted rows have no clean one: they are not in the delta",
     ]
-    assert shown([record], question="summaries", unscored=0, unpaired=0) == []
+    assert printed_lines([record], question="summaries", unscored=0, unpaired=0) == []
 
 
 def test_a_row_that_failed_is_a_line_while_the_run_goes_on():

@@ -29,7 +29,7 @@ from support.scoring import write_agents
 RECORDINGS = Path(__file__).resolve().parents[2] / "examples" / "recordings"
 
 
-def played(folder, agent, out):
+def play_rows(folder, agent, out):
     settings = ScoreSettings(dataset=folder, agents=override(Bench(), agent=agent).agents)
     run = ScoreRun(settings)
     with run.begin(out, resume=False):
@@ -65,7 +65,7 @@ def wrong(found):
 def test_the_example_recordings_under_all_corruptions(tmp_path):
     folder = tmp_path / "dataset"
     build(RECORDINGS, folder, corruptions="all", seed=7, output="lazy")
-    run, value = played(folder, echo(folder, tmp_path), tmp_path / "run")
+    run, value = play_rows(folder, echo(folder, tmp_path), tmp_path / "run")
     assert wrong(value) == set()
     assert len(run.cases.labels) >= 7
     assert {record["wanted"] for record in value} >= {"click", "type", "hotkey", "wait"}
@@ -76,7 +76,7 @@ def test_real_recordings(name, shared_data, tmp_path):
     folder = tmp_path / "dataset"
     source = shared_data / "trajectories" / name
     build(source, folder, corruptions="resolution:scale=0.5", output="lazy", limit=2)
-    _, value = played(folder, echo(folder, tmp_path), tmp_path / "run")
+    _, value = play_rows(folder, echo(folder, tmp_path), tmp_path / "run")
     assert wrong(value) == set()
     assert Counter(record["corruption"] for record in value)["resolution"] > 1
 
@@ -107,7 +107,7 @@ def test_a_grounding_set_with_polygons_and_refusals(tmp_path):
     corruptions = "resolution:scale=0.5"
     build(source, folder, corruptions=corruptions, format="osworld_g")
     agents = write_agents(tmp_path)
-    _, value = played(folder, f"{agents}:Knows,fail", tmp_path / "run")
+    _, value = play_rows(folder, f"{agents}:Knows,fail", tmp_path / "run")
     scores = {(record["agent"], record["row"]): record["score"] for record in value}
     for label in ("clean", "resolution"):
         rows = [f"OSWorld-G/00000{number}/0000/{label}" for number in range(4)]

@@ -23,7 +23,7 @@ from support.reported import made
 SIZE = (100, 100)
 
 
-def wanted(action, **more):
+def expected_step(action, **more):
     return ExpectedStep(action=action, size=SIZE, **more)
 
 
@@ -34,7 +34,7 @@ def wanted(action, **more):
 def test_an_agent_that_presses_nothing_is_wrong_and_nothing_worse(code):
     """A model writes that at times; it must cost the step, not the process that asks it."""
     answer = read_answer("", [code], SIZE)
-    verdict = compare(wanted(Action("hotkey", keys=("ctrl", "s"))), answer.action)
+    verdict = compare(expected_step(Action("hotkey", keys=("ctrl", "s"))), answer.action)
     assert verdict.parts == {"type": True, "keys": False}
     assert verdict.reason == "keys: ('',)"
 
@@ -59,7 +59,7 @@ def test_an_empty_name_is_no_key_and_a_key_pressed_twice_is_another_input(one, o
 
 def test_a_recorded_key_without_a_name_is_matched_by_no_key_at_all():
     """`hijack build` takes such a step, so scoring must not end over it."""
-    nameless = wanted(Action("hotkey", keys=("",)))
+    nameless = expected_step(Action("hotkey", keys=("",)))
     assert compare(nameless, Action("hotkey", keys=("ctrl", "s"))).parts == {
         "type": True,
         "keys": False,
@@ -71,7 +71,7 @@ def test_a_recorded_key_without_a_name_is_matched_by_no_key_at_all():
 
 
 def test_a_point_without_a_place_to_be_in_is_never_near():
-    drag = wanted(Action("drag", 10, 10, 50, 50))
+    drag = expected_step(Action("drag", 10, 10, 50, 50))
     verdict = compare(drag, Action("drag", 10, 10))
     assert verdict.parts == {"type": True, "place": True, "end": False}
     assert verdict.reason == "end: None"
@@ -80,9 +80,11 @@ def test_a_point_without_a_place_to_be_in_is_never_near():
 
 
 def test_how_far_a_click_was_off_is_the_distance_of_the_points_of_the_picture():
-    result = compare(wanted(Action("click", 10, 20), scale=(0.5, 0.5)), Action("click", 13, 24))
+    result = compare(
+        expected_step(Action("click", 10, 20), scale=(0.5, 0.5)), Action("click", 13, 24)
+    )
     assert result.off == 5.0
-    assert compare(wanted(Action("click", 0, 0)), Action("click", 1, 1)).off == 1.4
+    assert compare(expected_step(Action("click", 0, 0)), Action("click", 1, 1)).off == 1.4
 
 
 @pytest.mark.parametrize(
@@ -96,16 +98,18 @@ def test_how_far_a_click_was_off_is_the_distance_of_the_points_of_the_picture():
 )
 def test_a_distance_is_measured_across_and_down_together(text, got, right):
     near = Distance.parse(text)
-    assert compare(wanted(Action("click", 10, 20)), Action("click", *got), near).right is right
+    assert (
+        compare(expected_step(Action("click", 10, 20)), Action("click", *got), near).right is right
+    )
 
 
 def test_an_answer_without_an_action_lacks_every_part_that_the_step_has():
     click = Action("click", 1, 2, keys=("ctrl",))
-    verdict = unanswered(wanted(click), "no action: what it was")
+    verdict = unanswered(expected_step(click), "no action: what it was")
     assert verdict.parts == {"type": False, "place": False, "keys": False}
     assert (verdict.reason, verdict.off, verdict.right) == ("no action: what it was", None, False)
-    assert unanswered(wanted(Action("wait")), "").parts == {"type": False}
-    assert unanswered(wanted(Action("scroll", 1, 1, amount=0)), "").parts == {"type": False}
+    assert unanswered(expected_step(Action("wait")), "").parts == {"type": False}
+    assert unanswered(expected_step(Action("scroll", 1, 1, amount=0)), "").parts == {"type": False}
 
 
 @pytest.mark.parametrize(
@@ -220,9 +224,9 @@ def test_ctrl_c_while_rows_are_written_appends_none_of_them_twice(tmp_path, monk
     with pytest.raises(KeyboardInterrupt):
         run._write(out, values, lambda _: None)
     monkeypatch.undo()
-    kept = records.read(out)
-    assert kept.damaged == []
-    assert [record["id"] for record in kept.records] == [
+    stored_records = records.read(out)
+    assert stored_records.damaged == []
+    assert [record["id"] for record in stored_records.records] == [
         record["id"] for record in values[: run.MAX_UNWRITTEN_ROWS]
     ]
 

@@ -23,7 +23,7 @@ from online_env.scoring.rules import (
 SIZE = (1000, 2000)
 
 
-def wanted(action, **more):
+def expected_step(action, **more):
     return ExpectedStep(action=action, size=SIZE, **more)
 
 
@@ -49,33 +49,35 @@ CLICK = Action("click", 100, 200)
     ],
 )
 def test_a_click_is_right_inside_the_box(got, right):
-    verdict = compare(wanted(CLICK, box=(90, 190, 120, 210)), got)
+    verdict = compare(expected_step(CLICK, box=(90, 190, 120, 210)), got)
     assert verdict.right is right
     assert bool(verdict.reason) is not right
 
 
 def test_a_wrong_type_leaves_no_part_right():
-    verdict = compare(wanted(CLICK, box=(90, 190, 120, 210)), Action("right_click", 100, 200))
+    verdict = compare(
+        expected_step(CLICK, box=(90, 190, 120, 210)), Action("right_click", 100, 200)
+    )
     assert verdict.parts == {"type": False, "place": False}
     assert verdict.reason == "right_click in the place of click"
 
 
 @pytest.mark.parametrize(("x", "right"), [(132, True), (133, False)])
 def test_without_a_box_the_distance_counts(x, right):
-    assert compare(wanted(CLICK), Action("click", x, 200)).right is right
+    assert compare(expected_step(CLICK), Action("click", x, 200)).right is right
 
 
 def test_the_distance_counts_in_pixels_of_the_recorded_screen():
-    half = wanted(CLICK, scale=(0.5, 0.5))
+    half = expected_step(CLICK, scale=(0.5, 0.5))
     assert compare(half, Action("click", 116, 200)).right
     assert not compare(half, Action("click", 117, 200)).right
 
 
 def test_a_share_counts_widths_and_heights_as_aitw_does():
     near = Distance.parse("14%")
-    assert compare(wanted(CLICK), Action("click", 100 + 280, 200), near).right
-    assert not compare(wanted(CLICK), Action("click", 100 + 281, 200), near).right
-    assert not compare(wanted(CLICK), Action("click", 100, 200 + 141), near).right
+    assert compare(expected_step(CLICK), Action("click", 100 + 280, 200), near).right
+    assert not compare(expected_step(CLICK), Action("click", 100 + 281, 200), near).right
+    assert not compare(expected_step(CLICK), Action("click", 100, 200 + 141), near).right
 
 
 @pytest.mark.parametrize("text", ["", "0", "-1", "nan", "inf", "101%", "0%", "far", "20000"])
@@ -100,19 +102,19 @@ def test_a_distance_is_written_as_it_is_read(text):
 )
 def test_what_goes_where_the_focus_is_has_no_place_in_its_box(action):
     """A text field may stand beside the text: typing has no point that could be inside."""
-    verdict = compare(wanted(action, box=(90, 190, 120, 210)), action)
+    verdict = compare(expected_step(action, box=(90, 190, 120, 210)), action)
     assert verdict.right
     assert "place" not in verdict.parts
 
 
 def test_a_click_without_a_point_counts_in_its_box():
-    here = wanted(Action("click"), box=(90, 190, 120, 210))
+    here = expected_step(Action("click"), box=(90, 190, 120, 210))
     assert compare(here, CLICK).right
     assert not compare(here, Action("click", 10, 10)).right
 
 
 def test_an_outline_wins_over_the_box():
-    corner = wanted(CLICK, box=(0, 0, 200, 200), polygon=((0, 0), (200, 0), (0, 200)))
+    corner = expected_step(CLICK, box=(0, 0, 200, 200), polygon=((0, 0), (200, 0), (0, 200)))
     assert compare(corner, Action("click", 10, 10)).right
     assert not compare(corner, Action("click", 190, 190)).right
 
@@ -133,14 +135,14 @@ def test_an_outline_scales_with_the_picture():
 
 
 def test_both_ends_of_a_drag_count():
-    drag = wanted(Action("drag", 100, 100, 400, 100), box=(90, 90, 110, 110))
+    drag = expected_step(Action("drag", 100, 100, 400, 100), box=(90, 90, 110, 110))
     assert compare(drag, Action("drag", 101, 101, 405, 100)).right
     assert parts(compare(drag, Action("drag", 101, 101, 500, 100))) == {"type", "place"}
     assert parts(compare(drag, Action("drag", x2=400, y2=100))) == {"type", "end"}
 
 
 def test_of_a_scroll_the_direction_counts():
-    down = wanted(Action("scroll", 100, 100, amount=-5.0))
+    down = expected_step(Action("scroll", 100, 100, amount=-5.0))
     assert compare(down, Action("scroll", 900, 900, amount=-1.0)).right
     assert not compare(down, Action("scroll", 100, 100, amount=5.0)).right
     assert not compare(down, Action("scroll", 100, 100)).right
@@ -159,7 +161,7 @@ def test_of_a_scroll_the_direction_counts():
 )
 def test_texts(one, other, same):
     assert same_text(one, other) is same
-    typed = compare(wanted(Action("type", text=one)), Action("type", text=other))
+    typed = compare(expected_step(Action("type", text=one)), Action("type", text=other))
     assert typed.right is same
 
 
@@ -180,15 +182,15 @@ def test_keys(one, other, same):
 
 
 def test_help_is_right_only_where_nothing_else_helps():
-    locked = wanted(Action("wait"), helpless=True)
+    locked = expected_step(Action("wait"), helpless=True)
     assert compare(locked, Action("wait")).right
     assert compare(locked, Action(HELP)).right
     assert not compare(locked, Action("fail")).right
-    assert not compare(wanted(Action("wait")), Action(HELP)).right
+    assert not compare(expected_step(Action("wait")), Action(HELP)).right
 
 
 def test_an_answer_without_an_action_has_no_part_right():
-    verdict = unanswered(wanted(CLICK), "no action")
+    verdict = unanswered(expected_step(CLICK), "no action")
     assert verdict.parts == {"type": False, "place": False}
     assert not verdict.right
 

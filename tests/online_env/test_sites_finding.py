@@ -43,8 +43,8 @@ def test_the_pages_of_results_together_have_each_result_once(web):
     assert pages == math.ceil(total / search.PER_PAGE) > 2
     values = [hits(web, q="the", page=number + 1) for number in range(pages)]
     assert [len(item) for item in values[:-1]] == [search.PER_PAGE] * (pages - 1)
-    every = [item for page in values for item in page]
-    assert len(set(every)) == len(every) == total
+    items = [item for page in values for item in page]
+    assert len(set(items)) == len(items) == total
     for beyond in (pages + 1, 9999):
         assert hits(web, q="the", page=beyond) == values[-1]
     for wrong in ("0", "１"):

@@ -26,14 +26,14 @@ def web(serving):
     return serving
 
 
-def put(web, *mails):
+def write_mails(web, *mails):
     """Put mails into the inbox, as the setup of a task does."""
     common = {"from": {"name": "Ada", "address": "ada@mail.test"}, "subject": "Rope", "body": "-"}
     with web.state.update("mail") as state:
         state["received"] = [common | item for item in mails]
 
 
-def shown(web, url, **query):
+def mail_links(web, url, **query):
     return web.links(f"mail.test/{url}", "/message/", **query)
 
 
@@ -50,28 +50,30 @@ def shown(web, url, **query):
     ],
 )
 def test_a_mail_of_any_month_is_listed_and_read(web, date, short, long):
-    put(web, {"id": "x1", "date": date})
+    write_mails(web, {"id": "x1", "date": date})
     assert f">{short}</time>" in web.get("mail.test/").text
     assert f">{long}</time>" in web.get("mail.test/message/x1").text
 
 
 def test_mails_are_listed_from_the_newest_to_the_oldest(web):
-    put(web, {"id": "old", "date": "2020-01-01T00:00"}, {"id": "new", "date": "2026-03-04T23:00"})
+    write_mails(
+        web, {"id": "old", "date": "2020-01-01T00:00"}, {"id": "new", "date": "2026-03-04T23:00"}
+    )
     entries = {message["id"]: message["date"] for message in mail.content()["messages"]}
     expected = sorted(entries, key=entries.__getitem__, reverse=True)
-    assert shown(web, "folder/inbox") == ["new", *expected, "old"]
+    assert mail_links(web, "folder/inbox") == ["new", *expected, "old"]
 
 
 def test_stars_flags_and_folders_go_together(web):
     def act(ident, action, back="inbox"):
         return web.post(f"mail.test/message/{ident}/{action}", back=back)
 
-    assert shown(web, "folder/starred") == ["m01", "m07"]
+    assert mail_links(web, "folder/starred") == ["m01", "m07"]
     assert act("m01", "trash").headers["location"] == "/folder/inbox"
-    assert shown(web, "folder/starred") == ["m07"], "what was deleted is not starred any more"
-    assert shown(web, "folder/trash") == ["m01"]
+    assert mail_links(web, "folder/starred") == ["m07"], "what was deleted is not starred any more"
+    assert mail_links(web, "folder/trash") == ["m01"]
     assert act("m01", "inbox", back="message").headers["location"] == "/message/m01"
-    assert shown(web, "folder/starred") == ["m01", "m07"]
+    assert mail_links(web, "folder/starred") == ["m01", "m07"]
     assert act("m07", "unstar", back="nowhere").headers["location"] == "/"
     assert act("m02", "read", back="starred").headers["location"] == "/folder/starred"
     assert "Inbox (3)" in web.get("mail.test/").text
@@ -84,25 +86,27 @@ def test_stars_flags_and_folders_go_together(web):
 
 
 def test_to_open_a_mail_is_to_have_read_it(web):
-    before = shown(web, "")
+    before = mail_links(web, "")
     assert "Inbox (4)" in web.get("mail.test/").text
     web.get("mail.test/message/m02")
     web.get("mail.test/message/m02")
     assert web.state.read("mail") == {"flags": {"m02": {"read": True}}}
-    assert shown(web, "") == before
+    assert mail_links(web, "") == before
 
 
 def test_mails_are_found_by_names_subjects_and_words_in_any_case(web):
     web.post("mail.test/send", action="send", to="oda@mail.test", subject="ROPE", body="12 metres")
-    assert shown(web, "search", q="rope") == ["s01"]
-    assert shown(web, "search", q="12 METRES") == ["s01"]
-    assert shown(web, "search", q="tomas idle")[0] == "m03"
+    assert mail_links(web, "search", q="rope") == ["s01"]
+    assert mail_links(web, "search", q="12 METRES") == ["s01"]
+    assert mail_links(web, "search", q="tomas idle")[0] == "m03"
     assert "Nothing here." in web.text("mail.test/search", q="no such words")
     assert "Nothing here." in web.text("mail.test/search", q="  ")
 
 
 def test_an_answer_quotes_and_keeps_its_subject(web):
-    put(web, {"id": "x1", "date": "2026-03-01T00:00", "subject": "Re: Rope", "body": "a\n\nb"})
+    write_mails(
+        web, {"id": "x1", "date": "2026-03-01T00:00", "subject": "Re: Rope", "body": "a\n\nb"}
+    )
     page = web.get("mail.test/compose", reply="x1").text
     assert 'name="to" value="ada@mail.test"' in page
     assert 'name="subject" value="Re: Rope"' in page
@@ -198,10 +202,10 @@ def test_beside_an_article_are_four_others_those_of_its_section_first(web):
         values = [
             item for item in matches if result[item].head["section"] == article.head["section"]
         ]
-        rest = [item for item in matches if item not in values]
+        other_items = [item for item in matches if item not in values]
         beside = web.get(f"news.test/article/{slug}").text.partition("Read next")[2]
         value = [item for item in matches if f"/article/{item}" in beside]
-        assert set(value) == set((values + rest)[:4]), slug
+        assert set(value) == set((values + other_items)[:4]), slug
 
 
 def test_a_section_has_its_articles_however_its_name_is_spelled(web):

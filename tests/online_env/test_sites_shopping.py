@@ -64,9 +64,9 @@ def test_a_shelf_is_in_the_order_that_was_asked_for(web, order, key):
     expected = [product["id"] for product in sorted(outdoors, key=key)]
     assert len(expected) == 5
     assert web.links("shop.test/category/outdoors", "/product/", sort=order) == expected
-    chosen = web.get("shop.test/category/outdoors", sort=order).text
+    options = web.get("shop.test/category/outdoors", sort=order).text
     result = order if order in shop.SORTS else ""
-    assert f'<option value="{result}" selected>' in chosen
+    assert f'<option value="{result}" selected>' in options
 
 
 def test_the_front_page_has_what_is_on_sale_and_the_eight_best(web):
@@ -248,8 +248,8 @@ def test_numbers_go_on_after_a_registration_was_cancelled(web):
         web.post("forms.test/register", **REGISTRATION)
     web.post("forms.test/registrations/1002/cancel")
     web.post("forms.test/register", **REGISTRATION)
-    kept = web.state.read("forms")["registrations"]
-    assert [(entry["number"], entry.get("cancelled")) for entry in kept] == [
+    registrations = web.state.read("forms")["registrations"]
+    assert [(entry["number"], entry.get("cancelled")) for entry in registrations] == [
         (1001, None),
         (1002, True),
         (1003, None),

@@ -82,12 +82,12 @@ def test_some_texts_need_more_than_a_keyboard_has() -> None:
 @given(SEEDS)
 def test_the_file_to_rename_is_there_and_its_new_name_is_free(seed: int) -> None:
     task = tasks.get("rename_file", seed)
-    drawn = task.values
-    assert drawn.old == drawn.names[0]
-    assert drawn.new not in drawn.names
-    assert len(set(drawn.names)) == 4
-    assert drawn.old in task.instruction
-    assert f'"{drawn.new}"' in task.instruction
+    values = task.values
+    assert values.old == values.names[0]
+    assert values.new not in values.names
+    assert len(set(values.names)) == 4
+    assert values.old in task.instruction
+    assert f'"{values.new}"' in task.instruction
 
 
 @given(SEEDS)

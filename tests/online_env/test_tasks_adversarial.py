@@ -65,8 +65,8 @@ def leaves(value: Any, *path: Any) -> Iterator[tuple[tuple[Any, ...], Any]]:
         for key, part in cast("dict[str, Any]", value).items():
             yield from leaves(part, *path, key)
     elif isinstance(value, list):
-        for place, part in enumerate(cast("list[Any]", value)):
-            yield from leaves(part, *path, place)
+        for index, part in enumerate(cast("list[Any]", value)):
+            yield from leaves(part, *path, index)
     else:
         yield path, value
 
@@ -77,14 +77,12 @@ def left_texts(machine: Machine) -> Iterator[tuple[str, tuple[Any, ...]]]:
     for site in SITES:
         before = dict(leaves(machine.before.sites[site]))
         entries = dict(leaves(now[site]))
-        for place, value in entries.items():
-            starts = (place[:length] for length in range(len(place)))
+        for key, value in entries.items():
+            starts = (key[:length] for length in range(len(key)))
             is_cancelled = any(entries.get((*start, "cancelled")) for start in starts)
-            is_text = (
-                isinstance(value, str) and value and place[-1] not in OPEN and not is_cancelled
-            )
-            if is_text and before.get(place) != value:
-                yield site, place
+            is_text = isinstance(value, str) and value and key[-1] not in OPEN and not is_cancelled
+            if is_text and before.get(key) != value:
+                yield site, key
 
 
 def change_file(path: str, change: Callable[[str], str]) -> Callable[[Machine], None]:
@@ -119,8 +117,8 @@ def test_a_right_text_that_is_denied_doubted_or_doubled_is_wrong(name: str) -> N
             for label, change in CHANGES.items()
         ]
         outcomes += [
-            (f"{site} {place} {label}", change_text(site, place, change))
-            for site, place in left_texts(machine)
+            (f"{site} {key} {label}", change_text(site, key, change))
+            for site, key in left_texts(machine)
             for label, change in CHANGES.items()
             if label != "twice"  # an answer that is given twice is no other answer
         ]

@@ -102,12 +102,12 @@ class Raises(KeepList):
         yield ""
 
 
-def told(task_class):
+def problem_text(task_class):
     return "; ".join(checking.problems(task_class(0)))
 
 
 def test_a_sound_task_has_no_problems():
-    assert told(KeepList) == ""
+    assert problem_text(KeepList) == ""
     assert list(checking.shortcomings(KeepList(0))) == []
     assert list(checking.ignored_values(KeepList(0))) == []
 
@@ -124,16 +124,16 @@ def test_a_sound_task_has_no_problems():
     ],
 )
 def test_what_is_wrong_is_named(task_class, words):
-    assert re.search(words, told(task_class))
+    assert re.search(words, problem_text(task_class))
 
 
 def test_an_infeasible_task_wants_fail_and_nothing_changed():
-    assert told(NotThere) == ""
+    assert problem_text(NotThere) == ""
     assert list(checking.ignored_values(NotThere(0))) == []
 
 
 def test_values_of_two_seeds_that_do_not_go_together_give_no_hint():
-    assert told(Pairs) == ""
+    assert problem_text(Pairs) == ""
     assert list(checking.ignored_values(Pairs(0))) == []
 
 

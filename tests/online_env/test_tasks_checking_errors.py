@@ -149,13 +149,13 @@ def desktop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Played:
     return result
 
 
-def played(folder: Path, old: str, new: str) -> list[Any]:
+def live_outcomes(folder: Path, old: str, new: str) -> list[Any]:
     """Return the outcomes of the checks on a desktop."""
     return outcomes(folder, old, new, with_desktop=True)[1:]
 
 
 def test_a_sound_task_passes_on_a_desktop(tmp_path: Path, desktop: Played) -> None:
-    value = played(tmp_path, "", "")
+    value = live_outcomes(tmp_path, "", "")
     assert [(result.check, result.problem) for result in value] == [
         ("do_nothing", ""),
         ("oracle", ""),
@@ -177,18 +177,18 @@ def test_a_task_that_cannot_be_prepared_there_fails_and_is_not_left_out(
 ) -> None:
     # In the folder of the first check, `initial_app` is never called.
     opens = f"def initial_app(self, machine):\n        {statement}\n\n    def draw"
-    (result,) = played(tmp_path, "def draw", opens)
+    (result,) = live_outcomes(tmp_path, "def draw", opens)
     assert result.check == "setup"
     assert result.problem.startswith(problem)
     assert desktop.is_closed
 
 
 def test_an_oracle_that_raises_or_does_another_thing_fails(tmp_path: Path, desktop: Played) -> None:
-    value = played(tmp_path, "hand._desktop.write_file", "hand.nothing")
+    value = live_outcomes(tmp_path, "hand._desktop.write_file", "hand.nothing")
     assert [result.check for result in value] == ["do_nothing", "oracle", "teardown"]
     problem = "AttributeError: 'Hand' object has no attribute 'nothing' (my_task.py, line 17)"
     assert value[1].problem == problem
-    value = played(tmp_path, "self.values.word.encode()", 'b"coffee"')
+    value = live_outcomes(tmp_path, "self.values.word.encode()", 'b"coffee"')
     assert value[1].problem == "it has other words"
 
 
@@ -200,7 +200,7 @@ def test_without_a_desktop_the_rest_is_left_out(
         raise error("Xvfb is missing")
 
     monkeypatch.setattr(EmbeddedDesktop, "up", refuse)
-    assert played(tmp_path, "", "") == [
+    assert live_outcomes(tmp_path, "", "") == [
         "oracle, doing nothing and teardown: no desktop on this machine: Xvfb is missing"
     ]
 
@@ -211,7 +211,7 @@ def test_without_an_application_the_rest_is_left_out(tmp_path: Path, desktop: Pl
     desktop.execute = lambda argv, timeout=60: FolderDesktop.execute(  # type: ignore[method-assign]
         desktop, ["false"] if "command -v" in argv[-1] else argv, timeout
     )
-    (text,) = played(tmp_path, "def draw", change)
+    (text,) = live_outcomes(tmp_path, "def draw", change)
     assert text == (
         "oracle, doing nothing and teardown: vlc is not on the desktop, and the task uses it: "
         "hijack desktop install --profile media"

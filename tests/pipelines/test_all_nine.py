@@ -117,7 +117,7 @@ WHOLE = {label: {"foreign": 1} for label in ("multi_apps", "verification")}
 ONLINE = {**WHOLE, "app_minimization": {"foreign": 1}, "network_error": {"foreign": 1}}
 
 
-def made(reader: str, maker: Callable[..., Path], **expected: Any) -> Case:
+def make_case(reader: str, maker: Callable[..., Path], **expected: Any) -> Case:
     """A recording that is made of the session's screens."""
     lacks: Reasons = {
         "accidental_touch": {MAYBE_OPEN: 1},
@@ -138,10 +138,12 @@ def first_steps(data: Path, folder: Path) -> Path:
         record = json.loads(file.read_text())
         listed = "traj" if "traj" in record else "steps"
         file.write_text(json.dumps({**record, listed: record[listed][:STEPS]}))
-    for place in [path for path in sorted(folder.iterdir()) if (path / "images").is_dir()][2:]:
-        shutil.rmtree(place)
-    for place in folder.glob("*/images"):
-        for file in sorted(place.parent.glob("*.json"))[STEPS:]:
+    for recording_folder in [
+        path for path in sorted(folder.iterdir()) if (path / "images").is_dir()
+    ][2:]:
+        shutil.rmtree(recording_folder)
+    for recording_folder in folder.glob("*/images"):
+        for file in sorted(recording_folder.parent.glob("*.json"))[STEPS:]:
             file.unlink()
     return folder
 
@@ -154,7 +156,7 @@ def real(reader: str, name: str, **expected: Any) -> Case:
 
 CASES = {
     **{
-        name: made(name, FORMATS[name])
+        name: make_case(name, FORMATS[name])
         for name in (
             "anthropic",
             "chat",
@@ -166,20 +168,20 @@ CASES = {
             "ui_tars_1.5",
         )
     },
-    "gui_odyssey": made(
+    "gui_odyssey": make_case(
         "gui_odyssey",
         FORMATS["gui_odyssey"],
         shown={},
         options=UNKNOWN,
         lacks={label: {PHONE: 1} for label in MACHINE},
     ),
-    "android_control": made(
+    "android_control": make_case(
         "android_control",
         FORMATS["android_control"],
         shown={},
         lacks={**{label: {PHONE: 1} for label in MACHINE}, "network_error": {NO_BROWSER: 1}},
     ),
-    "grounding": made(
+    "grounding": make_case(
         "grounding",
         SETS["grounding"],
         points=(*POINTS, (1216, 360)),
@@ -190,11 +192,11 @@ CASES = {
             "network_error": {NO_BROWSER: 4},
         },
     ),
-    "parquet": made("parquet", FORMATS["parquet"], shown=ONLINE, options=UNKNOWN),
-    "runs": made("runs", FORMATS["runs"], shown=ONLINE, options=UNKNOWN),
-    "chat_code": made("parquet", TABLES["chat_code"]),
-    "chat_calls": made("parquet", TABLES["chat_calls"]),
-    "boxes": made(
+    "parquet": make_case("parquet", FORMATS["parquet"], shown=ONLINE, options=UNKNOWN),
+    "runs": make_case("runs", FORMATS["runs"], shown=ONLINE, options=UNKNOWN),
+    "chat_code": make_case("parquet", TABLES["chat_code"]),
+    "chat_calls": make_case("parquet", TABLES["chat_calls"]),
+    "boxes": make_case(
         "parquet",
         TABLES["boxes"],
         steps=3,
@@ -290,7 +292,7 @@ class Built:
 
 
 @pytest.fixture(scope="module", params=list(CASES))
-def built(
+def built_case(
     request: Any, shared_data: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[Built]:
     case, folder = CASES[request.param], tmp_path_factory.mktemp(request.param)
@@ -313,19 +315,19 @@ def test_every_format_has_a_case() -> None:
     assert set(PICTURE + MACHINE) == set(hj.corruption_names())
 
 
-def test_each_corruption_has_rows_or_a_reason(built: Built) -> None:
-    case, report = built.case, built.report
-    manifest = json.loads((built.whole / "manifest.json").read_text())
+def test_each_corruption_has_rows_or_a_reason(built_case: Built) -> None:
+    case, report = built_case.case, built_case.report
+    manifest = json.loads((built_case.whole / "manifest.json").read_text())
     assert manifest["parameters"]["reader"] == case.reader
     assert manifest["source"]["steps"] == case.steps
-    assert (report.rejected, (built.whole / "quarantine.jsonl").read_text(), report.dropped) == (
-        0,
-        "",
-        {},
-    )
+    assert (
+        report.rejected,
+        (built_case.whole / "quarantine.jsonl").read_text(),
+        report.dropped,
+    ) == (0, "", {})
     assert report.not_applicable == case.lacks
     entries: dict[str, Counter[str]] = {}
-    for row in built.about():
+    for row in built_case.about():
         entries.setdefault(row["corruption"], Counter())[row["fidelity"]] += 1
     assert entries == {
         **{label: {"exact": case.steps} for label in ("clean", *PICTURE)},
@@ -334,19 +336,23 @@ def test_each_corruption_has_rows_or_a_reason(built: Built) -> None:
     assert all(label in case.shown or case.lacks[label] for label in MACHINE)
 
 
-def test_stats_counts_the_same(built: Built) -> None:
-    data = stats(built.whole).to_data()
-    counted = Counter(row["corruption"] for row in built.about())
+def test_stats_counts_the_same(built_case: Built) -> None:
+    data = stats(built_case.whole).to_data()
+    counts = Counter(row["corruption"] for row in built_case.about())
     assert {label: value["rows"] for label, value in data["corruptions"].items()} == dict(
-        built.report.rows
+        built_case.report.rows
     )
-    assert +Counter(built.report.rows) == counted
-    assert data["rows"] == counted.total() == len(open_dataset(built.lazy))
-    assert (data["not_applicable"], data["dropped"], data["rejected"]) == (built.case.lacks, {}, {})
+    assert +Counter(built_case.report.rows) == counts
+    assert data["rows"] == counts.total() == len(open_dataset(built_case.lazy))
+    assert (data["not_applicable"], data["dropped"], data["rejected"]) == (
+        built_case.case.lacks,
+        {},
+        {},
+    )
     for label, value in data["corruptions"].items():
         assert value["inserted"] == (value["rows"] if label in INSERTED else 0)
         assert value["reminders"] == (value["rows"] if label in REPLACED else 0)
-    output = CliRunner().invoke(hijack, ["stats", str(built.lazy), "--json"])
+    output = CliRunner().invoke(hijack, ["stats", str(built_case.lazy), "--json"])
     assert output.exit_code == 0, output.output
     result = json.loads(output.output)
     assert (result["corruptions"], result["not_applicable"]) == (
@@ -355,10 +361,10 @@ def test_stats_counts_the_same(built: Built) -> None:
     )
 
 
-def test_labels_lie_where_they_must(built: Built) -> None:
+def test_labels_lie_where_they_must(built_case: Built) -> None:
     clean: dict[str, Any] = {}
     clicks: list[tuple[int, int]] = []
-    for row in open_dataset(built.whole):
+    for row in open_dataset(built_case.whole):
         check_inside(row)
         if row["corruption"] == "clean":
             clean = row
@@ -375,37 +381,39 @@ def test_labels_lie_where_they_must(built: Built) -> None:
             check_inserted(row, clean)
         else:
             check_replaced(row, clean)
-    if built.case.points is not None:
-        assert tuple(clicks) == built.case.points
+    if built_case.case.points is not None:
+        assert tuple(clicks) == built_case.case.points
 
 
-def test_lazy_and_materialised_are_equal_and_verified(built: Built) -> None:
-    total = sum(built.report.rows.values())
-    assert assert_same_rows(open_dataset(built.whole), open_dataset(built.lazy)) == total
-    for folder in (built.whole, built.lazy):
+def test_lazy_and_materialised_are_equal_and_verified(built_case: Built) -> None:
+    total = sum(built_case.report.rows.values())
+    assert assert_same_rows(open_dataset(built_case.whole), open_dataset(built_case.lazy)) == total
+    for folder in (built_case.whole, built_case.lazy):
         result = verify(folder)
         assert (result.problems, result.notes, result.rows) == ([], [], total)
-        assert result.regenerated == total - built.case.steps
+        assert result.regenerated == total - built_case.case.steps
 
 
-def test_datasets_loads_it(built: Built, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    whole = load(built.whole, tmp_path / "cache", monkeypatch)
-    lazy = load(built.lazy, tmp_path / "cache", monkeypatch).with_transform(render)
-    assert whole["id"] == lazy["id"] == [row["id"] for row in built.about()]
-    assert Counter(whole["corruption"]) == +Counter(built.report.rows)
-    last = len(whole) - 1
-    assert np.array_equal(pixels(whole[last]), pixels(lazy[last]))
-    assert whole[last]["action"] == lazy[last]["action"]
+def test_datasets_loads_it(
+    built_case: Built, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole_rows = load(built_case.whole, tmp_path / "cache", monkeypatch)
+    lazy = load(built_case.lazy, tmp_path / "cache", monkeypatch).with_transform(render)
+    assert whole_rows["id"] == lazy["id"] == [row["id"] for row in built_case.about()]
+    assert Counter(whole_rows["corruption"]) == +Counter(built_case.report.rows)
+    last = len(whole_rows) - 1
+    assert np.array_equal(pixels(whole_rows[last]), pixels(lazy[last]))
+    assert whole_rows[last]["action"] == lazy[last]["action"]
 
 
-def test_chat_rows_say_the_labels(built: Built, tmp_path: Path) -> None:
-    report = export(built.whole, tmp_path / "out", to="chat")
+def test_chat_rows_say_the_labels(built_case: Built, tmp_path: Path) -> None:
+    report = export(built_case.whole, tmp_path / "out", to="chat")
     lines = (tmp_path / "out" / "train.jsonl").read_text().splitlines()
     assert report.total == len(lines)
-    rows = {row["id"]: row for row in built.about()}
+    rows = {row["id"]: row for row in built_case.about()}
     assert report.total + report.hidden.total() + report.unsaid.total() == len(rows)  # type: ignore[union-attr]
     kinds = {reason.partition(":")[0] for reason in report.unsaid}  # type: ignore[union-attr]
-    assert kinds <= ({"other", "scroll"} if built.case.reader == "webvoyager" else {"other"})
+    assert kinds <= ({"other", "scroll"} if built_case.case.reader == "webvoyager" else {"other"})
     for line in map(json.loads, lines):
         row = rows[line["id"]]
         output, action = (

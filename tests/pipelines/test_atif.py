@@ -1,27 +1,24 @@
 import json
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import hijack_data as hj
-from hijack_data.types import Action, Trajectory
+from hijack_data.types import Action
 from pipelines import build, open_dataset
 from pipelines.exports import export
-from pipelines.readers import Rejected, detect_format, get_reader
+from pipelines.readers import detect_format
 from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import atif, png, write_json
+from support.recordings import read_source
 
 RECORDS = "trial-1/agent/trajectory.json"
 
-
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("atif").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="atif")
 
 
 def change(folder: Path, **arguments: Any) -> None:

@@ -18,18 +18,13 @@ from pipelines.dataset.columns import COLUMNS
 from pipelines.errors import BuildError
 from pipelines.readers import get_reader
 
+from support.dataset_files import shard_hashes
+
 NAMES = """
 id trajectory_id step source domain instruction screenshot width height action action_code target_box corruption
 severity seed params plan plan_digest fidelity event reminder inserted target_visible changed_pixels extra
 image_sha256
 """.split()  # noqa: SIM905
-
-
-def data_hashes(out: Path) -> dict[str, str]:
-    return {
-        file.name: hashlib.sha256(file.read_bytes()).hexdigest()
-        for file in sorted((out / "data").iterdir())
-    }
 
 
 def quarantined(out: Path) -> list[dict[str, str]]:
@@ -98,9 +93,9 @@ def test_load_dataset_reads_it_without_our_code(
 ) -> None:
     folder = recording()
     build(folder, tmp_path / "out", corruptions=small, seed=2**64 - 1, rows_per_shard=15)
-    loaded = load(tmp_path / "out", offline)
-    assert list(loaded) == ["train"]
-    features = loaded["train"].features
+    dataset_rows = load(tmp_path / "out", offline)
+    assert list(dataset_rows) == ["train"]
+    features = dataset_rows["train"].features
     assert list(features) == NAMES
     assert type(features["screenshot"]).__name__ == "Image"
     assert {name: features[name].dtype for name in ("step", "seed", "target_visible")} == {
@@ -109,12 +104,12 @@ def test_load_dataset_reads_it_without_our_code(
         "target_visible": "float64",
     }
     ours = list(open_dataset(tmp_path / "out"))
-    assert len(loaded["train"]) == len(ours) == 30
-    for theirs, row in zip(loaded["train"], ours, strict=True):
+    assert len(dataset_rows["train"]) == len(ours) == 30
+    for loaded_row, row in zip(dataset_rows["train"], ours, strict=True):
         assert np.array_equal(
-            np.asarray(theirs.pop("screenshot")), np.asarray(row.pop("screenshot"))
+            np.asarray(loaded_row.pop("screenshot")), np.asarray(row.pop("screenshot"))
         )
-        assert theirs == row
+        assert loaded_row == row
 
 
 def test_datasets_of_one_name_do_not_share_a_cache(
@@ -223,10 +218,10 @@ def test_the_same_input_gives_the_same_bytes(recording: Any, small: Any, tmp_pat
     build(folder, tmp_path / "a", corruptions=small, seed=1, rows_per_shard=10)
     build(folder, tmp_path / "b", corruptions=small, seed=1, rows_per_shard=10)
     build(folder, tmp_path / "c", corruptions=small, seed=2, rows_per_shard=10)
-    first = data_hashes(tmp_path / "a")
+    first = shard_hashes(tmp_path / "a")
     assert list(first) == ["train-00000.parquet", "train-00001.parquet", "train-00002.parquet"]
-    assert data_hashes(tmp_path / "b") == first
-    assert not set(data_hashes(tmp_path / "c").values()) & set(first.values())
+    assert shard_hashes(tmp_path / "b") == first
+    assert not set(shard_hashes(tmp_path / "c").values()) & set(first.values())
     assert (tmp_path / "a" / "manifest.json").read_bytes() == (
         tmp_path / "b" / "manifest.json"
     ).read_bytes()
@@ -250,7 +245,7 @@ def test_workers_change_nothing(recording: Any, small: Any, add_line: Any, tmp_p
         )
         for n in (1, 2)
     ]
-    assert data_hashes(tmp_path / "out1") == data_hashes(tmp_path / "out2")
+    assert shard_hashes(tmp_path / "out1") == shard_hashes(tmp_path / "out2")
     for name in ("manifest.json", "quarantine.jsonl"):
         assert (tmp_path / "out1" / name).read_bytes() == (tmp_path / "out2" / name).read_bytes()
     assert [r.rejected for r in reports] == [3, 3]
@@ -296,10 +291,12 @@ def test_combinations(recording: Any, small: Any, tmp_path: Path) -> None:
     }
     report = build(recording(trajectories=4, steps=5), tmp_path / "out", corruptions=planners)
     rows = list(open_dataset(tmp_path / "out"))
-    both = [row for row in rows if row["corruption"] == "both"]
-    assert report.rows["both"] == len(both) == 20
-    assert {json.loads(row["plan"])["corruption"] for row in both} == {"marks-v1+resolution-v2"}
-    assert {row["width"] for row in both} == {160}
+    combined_rows = [row for row in rows if row["corruption"] == "both"]
+    assert report.rows["both"] == len(combined_rows) == 20
+    assert {json.loads(row["plan"])["corruption"] for row in combined_rows} == {
+        "marks-v1+resolution-v2"
+    }
+    assert {row["width"] for row in combined_rows} == {160}
     left_clean = sum(report.not_applicable["mix"].values())
     assert 0 < left_clean < 20
     assert report.rows["mix"] == 20 - left_clean
@@ -532,8 +529,8 @@ def test_the_hub_reads_the_card(
     (split,) = data.dataset_info["splits"]
     size = (out / "data" / "train-00000.parquet").stat().st_size
     assert split == {"name": "train", "num_bytes": size, "num_examples": report.total}
-    loaded = datasets.load_dataset(str(out), split="train", cache_dir=str(tmp_path / "cache"))
-    assert (len(loaded), loaded.features) == (report.total, result)
+    dataset_rows = datasets.load_dataset(str(out), split="train", cache_dir=str(tmp_path / "cache"))
+    assert (len(dataset_rows), dataset_rows.features) == (report.total, result)
 
 
 @pytest.mark.parametrize(
@@ -569,8 +566,8 @@ def test_pictures_that_could_be_read_in_two_ways(
     assert [text for text in report.notes if note in text]
     assert (report.rejected, report.rows["clean"]) == (1, 3)
     assert "animated, 3 frames; save the one frame" in report.examples[0]
-    tried = build(folder, tmp_path / "dry", corruptions=small, dry_run=True)
-    assert [text for text in tried.notes if note in text]
+    dry_report = build(folder, tmp_path / "dry", corruptions=small, dry_run=True)
+    assert [text for text in dry_report.notes if note in text]
     assert [text for text in inspect_source(folder, corruptions=small).notes if note in text]
     assert verify(tmp_path / "out", source=folder).ok
 

@@ -17,14 +17,11 @@ from pipelines.building.replacement import replacement_folder
 from pipelines.building.splits import Splits, choose_splits
 from pipelines.errors import BuildError, SourceError
 
+from support.dataset_files import file_contents
 from support.formats import png, write_json, write_lines, write_table
 
 RECORDINGS = Path(__file__).resolve().parents[2] / "examples" / "recordings"
 HALF = {"half": hj.Resolution(scale=0.5)}
-
-
-def contents(out: Path) -> dict[str, bytes]:
-    return {str(p.relative_to(out)): p.read_bytes() for p in sorted(out.rglob("*")) if p.is_file()}
 
 
 def test_a_split_holds_whole_trajectories_whatever_the_order_and_the_workers(
@@ -38,7 +35,7 @@ def test_a_split_holds_whole_trajectories_whatever_the_order_and_the_workers(
     }
     report = build(folder, tmp_path / "one", **options)
     build(folder, tmp_path / "two", **options, workers=2)
-    assert contents(tmp_path / "one" / "data") == contents(tmp_path / "two" / "data")
+    assert file_contents(tmp_path / "one" / "data") == file_contents(tmp_path / "two" / "data")
     lines = (folder / "trajectories.jsonl").read_text().splitlines()
     (folder / "trajectories.jsonl").write_text("\n".join(reversed(lines)))
     build(folder, tmp_path / "three", **options, seed=9)
@@ -75,11 +72,11 @@ def test_load_dataset_finds_the_splits(
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     shares = {"train": 0.4, "validation": 0.3, "test": 0.3}
     build(recording(trajectories=12, steps=1), tmp_path / "out", corruptions=HALF, splits=shares)
-    loaded = datasets.load_dataset(str(tmp_path / "out"), cache_dir=str(tmp_path / "cache"))
-    assert {name: len(part) for name, part in loaded.items()} == {
+    dataset_rows = datasets.load_dataset(str(tmp_path / "out"), cache_dir=str(tmp_path / "cache"))
+    assert {name: len(part) for name, part in dataset_rows.items()} == {
         name: 2 * count for name, count in Counter(split_of(tmp_path / "out").values()).items()
     }
-    assert set(loaded) == set(shares)
+    assert set(dataset_rows) == set(shares)
 
 
 def test_splits_in_a_configuration_make_the_same_dataset_again(
@@ -88,7 +85,7 @@ def test_splits_in_a_configuration_make_the_same_dataset_again(
     folder = recording(trajectories=6, steps=1)
     build(folder, tmp_path / "one", corruptions=HALF, splits={"train": 0.5, "test": 0.5})
     build(folder, tmp_path / "two", config=tmp_path / "one" / "config.yaml")
-    assert contents(tmp_path / "one" / "data") == contents(tmp_path / "two" / "data")
+    assert file_contents(tmp_path / "one" / "data") == file_contents(tmp_path / "two" / "data")
     with pytest.raises(BuildError, match="splits was"):
         build(folder, tmp_path / "one", corruptions=HALF, resume=True)
 
@@ -202,13 +199,13 @@ def test_a_trial_counts_as_the_build_does_and_writes_nothing(
     image = browsing / "images" / "t1-1.png"
     image.write_bytes(image.read_bytes()[:-1000])
     options: dict[str, Any] = {"corruptions": nine, "assets": assets, "label_policy": "drop"}
-    tried = build(browsing, tmp_path / "out", **options, dry_run=True)
+    dry_report = build(browsing, tmp_path / "out", **options, dry_run=True)
     assert not (tmp_path / "out").exists()
     value = build(browsing, tmp_path / "out", **options)
     for field in ("rows", "rejected", "not_applicable", "dropped", "examples"):
-        assert getattr(tried, field) == getattr(value, field), field
+        assert getattr(dry_report, field) == getattr(value, field), field
     assert value.rejected == 2
-    assert "nothing was written" in tried.lines()[0]
+    assert "nothing was written" in dry_report.lines()[0]
     with pytest.raises(SourceError):
         build(browsing, tmp_path / "x", **options, dry_run=True, strict=True)
 
@@ -218,20 +215,20 @@ def test_overwriting_replaces_a_dataset_once_the_new_one_is_whole(
 ) -> None:
     folder, out = recording(trajectories=3), tmp_path / "out"
     build(folder, out, corruptions=HALF, rows_per_shard=1)
-    old = contents(out)
+    old = file_contents(out)
     with pytest.raises(BuildError, match=r"holds a dataset; .*--overwrite \(in Python"):
         build(folder, out, corruptions={})
 
     def fail(*_: Any) -> None:
-        assert contents(out) == old
+        assert file_contents(out) == old
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         build(folder, out, corruptions={}, overwrite=True, progress=fail)
-    assert contents(out) == old
+    assert file_contents(out) == old
     build(folder, out, corruptions={}, overwrite=True)
     build(folder, tmp_path / "fresh", corruptions={}, overwrite=True)
-    data, fresh = contents(out), contents(tmp_path / "fresh")
+    data, fresh = file_contents(out), file_contents(tmp_path / "fresh")
     assert {k: v for k, v in data.items() if k != "README.md"} == {
         k: v for k, v in fresh.items() if k != "README.md"
     }
@@ -272,7 +269,7 @@ def test_the_old_dataset_stays_where_renaming_fails(
 ) -> None:
     out = tmp_path / "out"
     build(recording(), out, corruptions={})
-    old = contents(out)
+    old = file_contents(out)
     rename = Path.rename
 
     def refuse(self: Path, target: Path) -> Path:
@@ -286,7 +283,7 @@ def test_the_old_dataset_stays_where_renaming_fails(
         replacement_folder(out, True) as fresh,
     ):
         fresh.mkdir()
-    assert contents(out) == old
+    assert file_contents(out) == old
 
 
 def test_a_failed_attempt_is_not_in_the_way_of_the_next(

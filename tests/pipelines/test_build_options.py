@@ -1,4 +1,3 @@
-import hashlib
 import json
 import multiprocessing
 import os
@@ -16,12 +15,7 @@ from pipelines.engines import local
 from pipelines.errors import BuildError, SourceError
 from pipelines.sources import Sources
 
-
-def data_hashes(out: Path) -> dict[str, str]:
-    return {
-        file.name: hashlib.sha256(file.read_bytes()).hexdigest()
-        for file in sorted((out / "data").iterdir())
-    }
+from support.dataset_files import shard_hashes
 
 
 def quarantined(out: Path) -> list[dict[str, str]]:
@@ -58,7 +52,7 @@ def test_config_and_arguments(recording: Any, tmp_path: Path) -> None:
         ("few", 4),
     ]
     build(folder, tmp_path / "again", config=tmp_path / "b" / "config.yaml")
-    assert data_hashes(tmp_path / "again") == data_hashes(tmp_path / "b")
+    assert shard_hashes(tmp_path / "again") == shard_hashes(tmp_path / "b")
     with pytest.raises(ConfigError):
         build(folder, tmp_path / "x", config={"corruptions": ["markss"]})
 

@@ -90,7 +90,7 @@ def run(recorded, tmp_path):
     return Path(shutil.copytree(recorded, tmp_path / "run"))
 
 
-def every(**changes):
+def change_all(**changes):
     """Change all records, in both places."""
     return lambda run: [both(name, **changes)(run) for name in (CLEAN, MARKS, MINIMISED)]
 
@@ -151,7 +151,7 @@ def effect(**changes):
 def cheaper(run):
     """Say that every agent may take six steps less, in configuration and records."""
     configured(lambda data: data.update(max_steps=3))(run)
-    every(max_steps=3)(run)
+    change_all(max_steps=3)(run)
 
 
 def given_other_name(name):
@@ -188,10 +188,10 @@ FOUND = {
         lambda data: data.update(desktop={"provider": "embedded", "size": [800, 600]})
     ),
     "the provider in the records": desktop(provider="OsworldDesktop"),
-    "the seed of the task": every(task_seed=9),
-    "any code was allowed": every(allow_code=True),
-    "the instruction": every(instruction="Do nothing"),
-    "the task is infeasible": every(infeasible=True),
+    "the seed of the task": change_all(task_seed=9),
+    "any code was allowed": change_all(allow_code=True),
+    "the instruction": change_all(instruction="Do nothing"),
+    "the task is infeasible": change_all(infeasible=True),
     "the time of an episode": both(CLEAN, seconds=0.1),
     "the agent is renamed to one that is given the task": given_other_name("oracle"),
     "fewer steps were allowed": cheaper,
@@ -206,18 +206,18 @@ FOUND = {
     "an end that is none of a run": both(CLEAN, ended="outside"),
     "a problem, and the status ok": both(CLEAN, problem="x"),
     "a cause, and the status ok": both(CLEAN, cause="machine"),
-    "the applications": every(apps=["thunar"]),
+    "the applications": change_all(apps=["thunar"]),
     "the task of one record": both(CLEAN, task="copy_file-3", sample="copy_file-3"),
-    "what the agent was given": every(given=["task"]),
+    "what the agent was given": change_all(given=["task"]),
     "the settings of the screenshots": desktop(settle={"quiet": 0, "cap": 0, "look": 0.05}),
     "the size of the desktop in the records": desktop(size=[800, 600]),
     "the policy in a record": both(
         CLEAN, recovery={"policy": "repair", "requests": 1, "false_alarms": 1, "repaired": 0}
     ),
-    "repairs that no step has": every(
+    "repairs that no step has": change_all(
         recovery={"policy": "none", "requests": 1, "false_alarms": 0, "repaired": 1}
     ),
-    "more false alarms than requests": every(
+    "more false alarms than requests": change_all(
         recovery={"policy": "none", "requests": 1, "false_alarms": 2, "repaired": 0}
     ),
     "setting up took longer than the episode": both(CLEAN, setup_seconds=1e4),
@@ -237,7 +237,7 @@ FOUND = {
     ),
     "the policy in the configuration": configured(lambda data: data.update(recovery="reset")),
     "an episode twice in the plan": head(lambda data: data["episodes"].append(CLEAN)),
-    "a field of a record": every(rank=1),
+    "a field of a record": change_all(rank=1),
     "a field of a step": lines(rank=1),
     "a field of the head": head(lambda data: data.update(rank=1)),
     "a field of the configuration": configured(lambda data: data.update(rank=1)),
@@ -278,7 +278,7 @@ FREE = {
         lambda data: data.update(retries=3, agent_timeout=9, episode_timeout=9)
     ),
     "more steps, of which no episode made use": together(
-        configured(lambda data: data.update(max_steps=60)), every(max_steps=60)
+        configured(lambda data: data.update(max_steps=60)), change_all(max_steps=60)
     ),
     "the agent is renamed to one that is given as little": given_other_name("random"),
     "the agent is renamed to one of somebody else": given_other_name("mine.py:Agent"),
@@ -286,7 +286,7 @@ FREE = {
     "the version of the library, with all that follows from it": together(
         head(lambda data: data["versions"].update(agenthijack="0.0.1")),
         session(versions={"agenthijack": "0.0.1"}),
-        every(instruction="Do nothing"),
+        change_all(instruction="Do nothing"),
     ),
 }
 

@@ -66,8 +66,8 @@ def test_all_nine(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> No
             assert row["fidelity"] == "exact" or label in FIVE
             assert row["changed_pixels"] > 0 or label == "clean"
             assert hashlib.sha256(row["screenshot"].tobytes()).hexdigest() == row["image_sha256"]
-    every = [row["id"] for rows in result.values() for row in rows]
-    assert len(set(every)) == len(every)
+    ids = [row["id"] for rows in result.values() for row in rows]
+    assert len(set(ids)) == len(ids)
 
 
 def test_what_each_row_teaches(browsing: Path, assets: Path, tmp_path: Path) -> None:
@@ -104,10 +104,10 @@ def test_what_each_row_teaches(browsing: Path, assets: Path, tmp_path: Path) -> 
     for name in ("action", "action_code", "target_box", "target_visible", "step"):
         assert beside[name] == clean[name]
     assert beside["target_visible"] == 1.0
-    changed = (
+    changed_rows = (
         (np.asarray(beside["screenshot"]) != np.asarray(clean["screenshot"])).any(axis=2).sum()
     )
-    assert beside["changed_pixels"] == changed <= 120 * 150
+    assert beside["changed_pixels"] == changed_rows <= 120 * 150
 
 
 def test_the_button_of_a_dialog_is_visible_although_it_was_pasted(

@@ -21,7 +21,7 @@ OURS = {
 
 
 @pytest.fixture(scope="module")
-def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Our own recordings under the five, both kinds."""
     folder = tmp_path_factory.mktemp("real")
     for output in ("lazy", "materialised"):
@@ -37,25 +37,27 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_our_recordings(built: Path) -> None:
+def test_our_recordings(dataset: Path) -> None:
     pictures = 0
-    for left, right in zip(
-        open_dataset(built / "materialised"), open_dataset(built / "lazy"), strict=True
+    for first_row, right in zip(
+        open_dataset(dataset / "materialised"), open_dataset(dataset / "lazy"), strict=True
     ):
-        if left["corruption"] != "clean":
-            assert np.array_equal(np.asarray(left["screenshot"]), np.asarray(right["screenshot"]))
+        if first_row["corruption"] != "clean":
+            assert np.array_equal(
+                np.asarray(first_row["screenshot"]), np.asarray(right["screenshot"])
+            )
             pictures += 1
-        del left["screenshot"], right["screenshot"]
-        assert left == right
+        del first_row["screenshot"], right["screenshot"]
+        assert first_row == right
     assert pictures == 10
     for output in ("materialised", "lazy"):
-        report = verify(built / output)
+        report = verify(dataset / output)
         assert (report.problems, report.notes, report.regenerated) == ([], [], 10)
 
 
-def test_what_is_recorded_is_a_picture_of_the_pack(built: Path) -> None:
+def test_what_is_recorded_is_a_picture_of_the_pack(dataset: Path) -> None:
     entries = {asset.id: asset for asset in AssetPack.load().assets}
-    rows = [row for row in open_dataset(built / "materialised") if row["fidelity"] == "recorded"]
+    rows = [row for row in open_dataset(dataset / "materialised") if row["fidelity"] == "recorded"]
     assert {row["corruption"] for row in rows} == {"app_minimization", "verification"}
     for row in rows:
         (op,) = json.loads(row["plan"])["ops"]
@@ -67,8 +69,8 @@ def test_what_is_recorded_is_a_picture_of_the_pack(built: Path) -> None:
             assert tuple(row["target_box"]) == asset.recover.target_box
 
 
-def test_targets_show_and_windows_keep_clear_of_them(built: Path) -> None:
-    for row in open_dataset(built / "materialised"):
+def test_targets_show_and_windows_keep_clear_of_them(dataset: Path) -> None:
+    for row in open_dataset(dataset / "materialised"):
         if row["event"]:
             assert row["target_visible"] in (None, 1.0)
         if row["corruption"] == "multi_apps":

@@ -111,11 +111,11 @@ def test_only_windows_of_the_recording_are_brought_back(
     apps: tuple[str, ...], domain: str, several: Path
 ) -> None:
     """Which other one to bring back, nobody could learn from a screen that does not show it."""
-    chosen = {
+    settings = {
         edit("minimise", several, apps=apps, domain=domain, seed=k)[0].response.action.x
         for k in range(8)
     }
-    assert chosen == {1}
+    assert settings == {1}
     two = {
         edit("minimise", several, apps=("gimp", "Chromium"), seed=k)[0].response.action.x
         for k in range(30)

@@ -152,9 +152,12 @@ def test_what_brings_a_window_back_moves_with_the_panel() -> None:
     result = screen_layout.desktop(PACK, (758, 1212), Stream(3, "t", "t"), NOBODY)
     assert result is not None
     assert result.asset.recover is not None
-    recorded, moved = result.asset.recover, result.mapped(result.asset.recover)
-    assert moved.target_box in result.boxes
-    assert (moved.action.x, moved.action.y) == (recorded.action.x, recorded.action.y - 1080 + 758)
+    recorded, mapped_action = result.asset.recover, result.mapped(result.asset.recover)
+    assert mapped_action.target_box in result.boxes
+    assert (mapped_action.action.x, mapped_action.action.y) == (
+        recorded.action.x,
+        recorded.action.y - 1080 + 758,
+    )
 
 
 @pytest.mark.parametrize("size", [(759, 1213), (1024, 768), (1440, 3440)])
@@ -166,7 +169,7 @@ def test_a_browser_keeps_its_buttons_at_the_edge_and_its_page_in_the_middle(
     for seed in range(6):
         result = error_page(PACK, size, Stream(seed, "t", "t"), NOBODY)
         assert result is not None
-        page, whole = result.asset, result.asset.size[1]
+        page, page_height = result.asset, result.asset.size[1]
         names.add(page.look)
         value = hj.apply(hj.Plan("t-v1", size, ops=result.ops), np.full((*size, 3), 7, np.uint8))
         recorded = page.pixels()
@@ -175,9 +178,18 @@ def test_a_browser_keeps_its_buttons_at_the_edge_and_its_page_in_the_middle(
         reload = next(target.box for target in page.targets if target.name == "Reload")
         assert reload in result.boxes
         address = next(target.box for target in page.targets if target.name.startswith("Address"))
-        assert (address[0], address[1], address[2] + width - whole, address[3]) in result.boxes
-        body = recorded[130:600, (whole - 560) // 2 : (whole + 560) // 2]
-        left = (width - whole) // 2 + (whole - 560) // 2 if width < whole else (width - 560) // 2
+        assert (
+            address[0],
+            address[1],
+            address[2] + width - page_height,
+            address[3],
+        ) in result.boxes
+        body = recorded[130:600, (page_height - 560) // 2 : (page_height + 560) // 2]
+        left = (
+            (width - page_height) // 2 + (page_height - 560) // 2
+            if width < page_height
+            else (width - 560) // 2
+        )
         assert any(
             np.array_equal(value[130:600, x : x + 560], body) for x in (left - 1, left, left + 1)
         )

@@ -21,6 +21,7 @@ from pipelines.dataset.columns import COLUMNS
 from pipelines.errors import BuildError
 from pipelines.readers import get_reader
 
+from support.dataset_files import shard_hashes
 from support.events import COMBINED, FIVE
 
 
@@ -43,12 +44,12 @@ def test_both_kinds_are_equal_row_by_row(
             clean=clean,
         )
     count = 0
-    for left, right in zip(
+    for first_row, right in zip(
         open_dataset(tmp_path / "materialised"), open_dataset(tmp_path / "lazy"), strict=True
     ):
-        assert list(left) == list(right) == list(COLUMNS)
-        assert left.pop("screenshot").tobytes() == right.pop("screenshot").tobytes()
-        assert left == right
+        assert list(first_row) == list(right) == list(COLUMNS)
+        assert first_row.pop("screenshot").tobytes() == right.pop("screenshot").tobytes()
+        assert first_row == right
         count += 1
     reports = [verify(tmp_path / output) for output in ("materialised", "lazy")]
     assert [report.problems for report in reports] == [[], []]
@@ -63,29 +64,20 @@ def test_load_dataset_reads_events(
     datasets = pytest.importorskip("datasets")
     datasets.disable_progress_bars()
     build(browsing, tmp_path / "out", corruptions=",".join(FIVE), assets=assets, output="lazy")
-    loaded = datasets.load_dataset(
+    dataset_rows = datasets.load_dataset(
         str(tmp_path / "out"), split="train", cache_dir=str(tmp_path / "cache")
     )
-    assert {name: loaded.features[name].dtype for name in ("event", "reminder", "inserted")} == {
-        "event": "string",
-        "reminder": "string",
-        "inserted": "bool",
-    }
+    assert {
+        name: dataset_rows.features[name].dtype for name in ("event", "reminder", "inserted")
+    } == {"event": "string", "reminder": "string", "inserted": "bool"}
     ours = list(open_dataset(tmp_path / "out"))
-    for theirs, row in zip(loaded.with_transform(render), ours, strict=True):
-        assert (theirs["event"], theirs["inserted"], theirs["action"]) == (
+    for loaded_row, row in zip(dataset_rows.with_transform(render), ours, strict=True):
+        assert (loaded_row["event"], loaded_row["inserted"], loaded_row["action"]) == (
             row["event"],
             row["inserted"],
             row["action"],
         )
-        assert theirs["screenshot"].tobytes() == row["screenshot"].tobytes()
-
-
-def hashes(folder: Path) -> dict[str, str]:
-    return {
-        file.name: hashlib.sha256(file.read_bytes()).hexdigest()
-        for file in sorted((folder / "data").iterdir())
-    }
+        assert loaded_row["screenshot"].tobytes() == row["screenshot"].tobytes()
 
 
 def test_a_resumed_build_ends_in_the_same_bytes(
@@ -93,16 +85,16 @@ def test_a_resumed_build_ends_in_the_same_bytes(
 ) -> None:
     options: dict[str, Any] = {"corruptions": nine, "assets": assets, "rows_per_shard": 45}
     build(browsing, tmp_path / "out", **options)
-    before = hashes(tmp_path / "out")
+    before = shard_hashes(tmp_path / "out")
     assert len(before) == 2
     (tmp_path / "out" / "data" / "train-00001.parquet").unlink()
     (tmp_path / "out" / "manifest.json").unlink()
     (tmp_path / "out" / ".build").mkdir()
     build(browsing, tmp_path / "two", **options, workers=2)
-    assert hashes(tmp_path / "two") == before
+    assert shard_hashes(tmp_path / "two") == before
     (tmp_path / "two" / "data" / "train-00001.parquet").unlink()
     assert build(browsing, tmp_path / "two", **options, resume=True).kept == 1
-    assert hashes(tmp_path / "two") == before
+    assert shard_hashes(tmp_path / "two") == before
 
 
 def test_a_build_is_not_resumed_with_another_pack(
@@ -208,7 +200,7 @@ def test_the_pack_of_the_environment_is_used_by_workers(
     options = {"corruptions": "verification", "rows_per_shard": 10}
     build(browsing, tmp_path / "two", **options, workers=2)  # type: ignore[arg-type]
     build(browsing, tmp_path / "one", **options)  # type: ignore[arg-type]
-    assert hashes(tmp_path / "one") == hashes(tmp_path / "two")
+    assert shard_hashes(tmp_path / "one") == shard_hashes(tmp_path / "two")
 
 
 def test_a_recording_may_name_the_key_of_its_draws(

@@ -141,8 +141,10 @@ def test_the_target_and_the_screen_are_left_whole(assets: Path, data: st.DataObj
     assert 6 <= y1 < y2 <= 190  # clear of panels
     plan = hj.Plan("x-v1", (200, 320), ops=value.ops)
     judged = hj.judge(plan, frame.image, hj.apply(plan, frame.image), target=frame.scene.target)
-    whole = hj.judge(hj.Plan.clean((200, 320)), frame.image, frame.image, target=frame.scene.target)
-    assert judged.target_visible == whole.target_visible
+    safety = hj.judge(
+        hj.Plan.clean((200, 320)), frame.image, frame.image, target=frame.scene.target
+    )
+    assert judged.target_visible == safety.target_visible
 
 
 def test_it_stands_where_it_covers_the_fewest_elements(assets: Path) -> None:
@@ -234,7 +236,7 @@ def test_a_menu_hangs_from_what_was_clicked(
     x, y = corner
     assert np.array_equal(picture[y : y + 40, x : x + 60], pixels(5, 60, 40))
     picture[y : y + 40, x : x + 60] = 0
-    assert {tuple(place) for place in np.argwhere(picture.any(axis=2)).tolist()} <= {
+    assert {tuple(point) for point in np.argwhere(picture.any(axis=2)).tolist()} <= {
         (element[1], element[0])
     }
     assert (value.fidelity, value.inserted, value.reminder) == ("composited", True, None)
@@ -289,8 +291,8 @@ def test_launchers_are_left_out_as_they_are_live(assets: Path) -> None:
 def test_a_menu_of_the_panel_hangs_from_the_panel(tmp_path: Path) -> None:
     """It opens upwards there, from nothing else, and whatever the applications are: that screen has
     it always."""
-    opened = {"type": "click", "x": 10, "y": 50, "target_box": [0, 42, 30, 54]}
-    folder = only("menu", tmp_path / "pack", app="desktop", opened_by=opened)
+    click = {"type": "click", "x": 10, "y": 50, "target_box": [0, 42, 30, 54]}
+    folder = only("menu", tmp_path / "pack", app="desktop", opened_by=click)
     for apps in ((), ("gimp", "vlc"), ("editor",)):
         value, picture = touch(folder, [(40, 188, 73, 200)], without_app=False, apps=apps)
         assert np.array_equal(picture[146:186, 40:100], pixels(5, 60, 40))

@@ -23,6 +23,8 @@ from pipelines.engines import ray as engine
 from pipelines.errors import BuildError, SourceError
 from pipelines.sources import Sources
 
+from support.dataset_files import file_contents
+
 ray = pytest.importorskip("ray", reason="Ray is not installed: pip install 'agenthijack[ray]'")
 cluster_utils = pytest.importorskip("ray.cluster_utils")
 ray.cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -53,10 +55,8 @@ class Marks(hj.plugin.Augmentation):
         return hj.Marks(number=4, mark_size=8).plan(scene, **key)
 
 
-def contents(out: Path) -> dict[str, bytes]:
-    """All files of a dataset but the card, which names its own folder."""
-    files = sorted(p for p in out.rglob("*") if p.is_file() and p.name != "README.md")
-    return {str(p.relative_to(out)): p.read_bytes() for p in files}
+# The card names its own folder.
+contents = partial(file_contents, without="README.md")
 
 
 def differences(out: Path, whole: Path) -> list[str]:
@@ -262,18 +262,18 @@ def test_the_source_is_read_as_shards_are_done(
 ) -> None:
     monkeypatch.setattr(engine, "FIRST_WAVE_SHARDS", 1)
     monkeypatch.setattr(engine, "MAX_WAVE_SHARDS", 2)
-    tasks, taken = tasks_of(recording(trajectories=9, steps=1)), []
+    tasks, taken_tasks = tasks_of(recording(trajectories=9, steps=1)), []
 
     def source() -> Iterator[ShardTask]:
         for task in tasks:
-            taken.append(task.index)
+            taken_tasks.append(task.index)
             yield task
 
     (tmp_path / "out" / "data").mkdir(parents=True)
     (tmp_path / "out" / ".build").mkdir()
     settings, ahead, values = RowSettings((("marks", Marks()),)), [], []
     for record in engine.run(source(), settings, tmp_path / "out", 1, lambda _: None):
-        ahead.append(len(taken) - len(values))
+        ahead.append(len(taken_tasks) - len(values))
         values.append(record.index)
     assert sorted(values) == list(range(9))
     assert ahead[0] == 1  # the first shard is done before the third is read

@@ -26,6 +26,8 @@ from pipelines.exports.onlooker.sampling import WITH_REMINDER
 from pipelines.exports.onlooker.screen_change import TOLERANCE
 from pipelines.exports.onlooker.step_frames import RowFrame, frames_by_step
 
+from support.dataset_files import file_contents
+
 TABLES = ("reminders", "summaries", "recovery")
 ROOT = Path(__file__).resolve().parents[2]
 PLANNERS: dict[str, Any] = {
@@ -55,7 +57,9 @@ def in_browser(folder: Path, **more: Any) -> Path:
     return folder
 
 
-def made(source: Path, assets: Path, out: Path, corruptions: Any = None, **options: Any) -> Path:
+def build_and_export(
+    source: Path, assets: Path, out: Path, corruptions: Any = None, **options: Any
+) -> Path:
     build(
         source,
         out,
@@ -70,18 +74,12 @@ def made(source: Path, assets: Path, out: Path, corruptions: Any = None, **optio
 
 @pytest.fixture
 def dataset(source: Path, assets: Path, tmp_path: Path) -> Path:
-    return made(source, assets, tmp_path / "set")
+    return build_and_export(source, assets, tmp_path / "set")
 
 
 def table(folder: Path, name: str) -> list[dict[str, Any]]:
     files = sorted((folder / name).glob("*.parquet"))
     return [row for file in files for row in pq.ParquetFile(file).read().to_pylist()]
-
-
-def tree(folder: Path) -> dict[str, bytes]:
-    return {
-        str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()
-    }
 
 
 def by_id(dataset: Path) -> dict[str, dict[str, Any]]:
@@ -94,7 +92,7 @@ def same(stored: dict[str, Any], row: dict[str, Any]) -> bool:
     )
 
 
-def said(row: dict[str, Any], pictures: int) -> tuple[str, str]:
+def conversation(row: dict[str, Any], pictures: int) -> tuple[str, str]:
     """What is asked and answered, with as many places for pictures as there are pictures."""
     user, assistant = row["messages"]
     assert (user["role"], assistant["role"]) == ("user", "assistant")
@@ -105,7 +103,7 @@ def said(row: dict[str, Any], pictures: int) -> tuple[str, str]:
 
 @pytest.mark.parametrize("output", ["materialised", "lazy"])
 def test_reminders(source: Path, assets: Path, tmp_path: Path, output: str) -> None:
-    dataset = made(source, assets, tmp_path / "set", output=output)
+    dataset = build_and_export(source, assets, tmp_path / "set", output=output)
     report = export(dataset, tmp_path / "out", to="onlooker")
     rows, original = table(tmp_path / "out", "reminders"), by_id(dataset)
     needed = [row["id"] for row in original.values() if row["reminder"]]
@@ -117,7 +115,7 @@ def test_reminders(source: Path, assets: Path, tmp_path: Path, output: str) -> N
         assert (row["kind"] == WITH_REMINDER) == (row["reminder"] != "None")
         assert row["corruption"] == original[row["id"]]["corruption"]
         assert same(row["screenshot"], original[row["id"]])
-        assert said(row, 1)[1] == f"Reminder: {row['reminder']}"
+        assert conversation(row, 1)[1] == f"Reminder: {row['reminder']}"
         if row["kind"] in ("same_step", "clean"):
             assert (row["corruption"], row["step"] == 0) == ("clean", row["kind"] == "same_step")
         if row["kind"] == "picture":
@@ -167,7 +165,7 @@ def test_a_balance_that_cannot_be(
 
 @pytest.mark.parametrize("output", ["materialised", "lazy"])
 def test_summaries(source: Path, assets: Path, tmp_path: Path, output: str) -> None:
-    dataset = made(source, assets, tmp_path / "set", output=output)
+    dataset = build_and_export(source, assets, tmp_path / "set", output=output)
     report = export(dataset, tmp_path / "out", to="onlooker")
     rows, original = table(tmp_path / "out", "summaries"), by_id(dataset)
     expected = {
@@ -192,11 +190,11 @@ def test_summaries(source: Path, assets: Path, tmp_path: Path, output: str) -> N
             == f"pyautogui.click({before['action']['x']}, {before['action']['y']})"
         )
         assert (row["event"], row["made_by"]) == (after["event"], "template")
-        requests, answered = said(row, 2)
+        requests, answered = conversation(row, 2)
         assert answered == row["summary"]
         assert f"\nAction: {row['action_text']}\n" in requests
-        place = f"({before['action']['x']}, {before['action']['y']})"
-        assert row["summary"].startswith(f"The agent clicked at {place}. ")
+        point_text = f"({before['action']['x']}, {before['action']['y']})"
+        assert row["summary"].startswith(f"The agent clicked at {point_text}. ")
         if after["event"]:
             assert row["summary"].endswith(f". {NOT_THE_AGENT} {after['event']}")
             assert row["changed"] is None
@@ -228,7 +226,7 @@ def test_summaries(source: Path, assets: Path, tmp_path: Path, output: str) -> N
 def test_without_clean_rows_no_change_is_claimed(
     source: Path, assets: Path, tmp_path: Path
 ) -> None:
-    dataset = made(source, assets, tmp_path / "set", clean=False)
+    dataset = build_and_export(source, assets, tmp_path / "set", clean=False)
     report = export(dataset, tmp_path / "out", to="onlooker")
     rows = table(tmp_path / "out", "summaries")
     assert {row["corruption"] for row in rows} == {"marks", "half"}
@@ -253,7 +251,9 @@ def test_a_step_that_is_missing_breaks_the_chain(
     source = in_browser(recording(trajectories=1, steps=5), step=lambda row: numbers[row["step"]])
     planners = {"lock": hj.Verification(), "touch": hj.AccidentalTouch(step=2)}
     report = export(
-        made(source, assets, tmp_path / "set", planners), tmp_path / "out", to="onlooker"
+        build_and_export(source, assets, tmp_path / "set", planners),
+        tmp_path / "out",
+        to="onlooker",
     )
     rows = table(tmp_path / "out", "summaries")
     assert [(row["before_id"], row["id"]) for row in rows] == [
@@ -272,7 +272,11 @@ def test_events_among_the_steps_of_one_corruption(
         "locked": hj.Sequence([hj.Marks(number=3, mark_size=6), hj.Verification(step=(-1, 3))]),
     }
     source = in_browser(recording(trajectories=1, steps=5))
-    export(made(source, assets, tmp_path / "set", planners), tmp_path / "out", to="onlooker")
+    export(
+        build_and_export(source, assets, tmp_path / "set", planners),
+        tmp_path / "out",
+        to="onlooker",
+    )
     entries = {row["id"].removeprefix("t0/"): row for row in table(tmp_path / "out", "summaries")}
     pairs = {
         name: row["before_id"].removeprefix("t0/")
@@ -308,7 +312,7 @@ def test_recovery(dataset: Path, tmp_path: Path, dialect: str) -> None:
         assert {name: row[name] for name in ("event", "action", "target_box")} == {
             name: source[name] for name in ("event", "action", "target_box")
         }
-        assert said(row, 1)[1] == row["answer"]
+        assert conversation(row, 1)[1] == row["answer"]
         if dialect == "pyautogui":
             assert row["answer"] == source["action_code"]
         elif row["corruption"] == "minimise":
@@ -323,7 +327,7 @@ def test_a_recovery_that_cannot_be_seen_is_no_label(
         [hj.AppMinimization(), hj.Marks(number=9000, mark_size=30, avoid_elements=False)]
     )
     planners = {"covered": covered, "lock": hj.Verification()}
-    dataset = made(source, assets, tmp_path / "set", planners)
+    dataset = build_and_export(source, assets, tmp_path / "set", planners)
     report = export(dataset, tmp_path / "out", to="onlooker")
     assert dict(report.hidden) == {"covered": 3}
     assert not (tmp_path / "out" / "recovery").exists()
@@ -346,7 +350,7 @@ def test_actions_that_nothing_is_known_of(recording: Any, assets: Path, tmp_path
         action_code=lambda row: codes.get(row["step"], ""),
     )
     report = export(
-        made(source, assets, tmp_path / "set", {"lock": hj.Verification()}),
+        build_and_export(source, assets, tmp_path / "set", {"lock": hj.Verification()}),
         tmp_path / "out",
         to="onlooker",
     )
@@ -354,25 +358,25 @@ def test_actions_that_nothing_is_known_of(recording: Any, assets: Path, tmp_path
     assert first["summary"].startswith(
         'The agent did what was recorded as "Scroll [2]; <image> down". '
     )
-    assert "Action: Scroll [2]; < image> down\n" in said(first, 2)[0]
+    assert "Action: Scroll [2]; < image> down\n" in conversation(first, 2)[0]
     assert second["before_id"] == "t0/0002/clean"
     assert second["action_text"] == codes[2]
     assert report.skipped["summary of other: pyautogui cannot say 'other' with nothing else"] == 1
 
 
 def test_one_step_is_read_at_a_time() -> None:
-    taken: list[int] = []
+    taken_counts: list[int] = []
 
     def shots() -> Any:
         for number in range(20):
-            taken.append(number)
+            taken_counts.append(number)
             yield RowFrame(
                 {"trajectory_id": "t", "step": number // 4, "corruption": f"c{number % 4}"}, b""
             )
 
     steps = frames_by_step(shots())
-    assert [len(next(steps).frames), len(taken)] == [4, 5]
-    assert [next(steps).step, len(taken)] == [1, 9]
+    assert [len(next(steps).frames), len(taken_counts)] == [4, 5]
+    assert [next(steps).step, len(taken_counts)] == [1, 9]
 
 
 def test_lazy_and_materialised_give_the_same_bytes(
@@ -380,12 +384,12 @@ def test_lazy_and_materialised_give_the_same_bytes(
 ) -> None:
     for name, output in (("a", "materialised"), ("b", "lazy")):
         export(
-            made(source, assets, tmp_path / f"set-{name}", output=output),
+            build_and_export(source, assets, tmp_path / f"set-{name}", output=output),
             tmp_path / name,
             to="onlooker",
         )
     export(tmp_path / "set-a", tmp_path / "c", to="onlooker")
-    a, b, c = (tree(tmp_path / name) for name in "abc")
+    a, b, c = (file_contents(tmp_path / name) for name in "abc")
     assert a == c
     assert len(a) == 3 * 3 + 1  # a file a shard, here a trajectory: no trajectory is split
     about = json.loads(a.pop("export.json"))
@@ -410,11 +414,13 @@ def test_tables_load(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     sizes = {}
     for name in TABLES:
         folder = str(tmp_path / "out" / name)
-        loaded = datasets.load_dataset(folder, split="train", cache_dir=str(tmp_path / "cache"))
-        sizes[name] = len(loaded)
-        picture = loaded[0]["before" if name == "summaries" else "screenshot"]
+        dataset_rows = datasets.load_dataset(
+            folder, split="train", cache_dir=str(tmp_path / "cache")
+        )
+        sizes[name] = len(dataset_rows)
+        picture = dataset_rows[0]["before" if name == "summaries" else "screenshot"]
         assert picture.size == (320, 200)
-        assert loaded[0]["messages"][1]["role"] == "assistant"
+        assert dataset_rows[0]["messages"][1]["role"] == "assistant"
     assert sum(sizes.values()) == report.total
     assert sizes == {"reminders": 12, "summaries": 42, "recovery": 6}
 
@@ -422,7 +428,7 @@ def test_tables_load(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_a_dataset_without_reminders_says_what_to_build(
     source: Path, assets: Path, tmp_path: Path
 ) -> None:
-    dataset = made(source, assets, tmp_path / "set", {"marks": PLANNERS["marks"]})
+    dataset = build_and_export(source, assets, tmp_path / "set", {"marks": PLANNERS["marks"]})
     with pytest.raises(
         BuildError,
         match=r"no row has a reminder or an event.*--corruptions all, or with network_error",
@@ -464,7 +470,7 @@ def test_an_export_that_was_killed_is_done_again(dataset: Path, tmp_path: Path) 
     assert (tmp_path / ".out.exporting" / "summaries").is_dir()
     for name in ("out", "whole"):
         export(dataset, tmp_path / name, to="onlooker")
-    assert tree(tmp_path / "out") == tree(tmp_path / "whole")
+    assert file_contents(tmp_path / "out") == file_contents(tmp_path / "whole")
     assert not (tmp_path / ".out.exporting").exists()
 
 

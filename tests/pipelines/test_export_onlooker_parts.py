@@ -48,10 +48,10 @@ def test_what_is_drawn(trajectories: list[list[tuple[int, str]]], tenths: int, s
         expected += tenths * sum(label == "lock" for _, label in steps)
         owed[name] = min(expected // 10, sum(label != "lock" for _, label in steps))
         expected -= 10 * owed[name]
-    taken = Counter(
+    taken_counts = Counter(
         int(rows[number]["trajectory_id"][1:]) for number in result if number not in needed
     )
-    assert taken == Counter({name: count for name, count in owed.items() if count})
+    assert taken_counts == Counter({name: count for name, count in owed.items() if count})
     assert chooser.short == expected // 10
 
 
@@ -137,10 +137,10 @@ def test_words_for_a_change(boxes: list[tuple[int, int, int, int]], text: str) -
 
 
 def test_a_change_is_more_than_noise_and_may_be_of_the_size() -> None:
-    whole = (0, 0, 90, 90)
-    assert measure(screen(), screen(whole, value=100 + TOLERANCE)) == ScreenChange(
+    screen_box = (0, 0, 90, 90)
+    assert measure(screen(), screen(screen_box, value=100 + TOLERANCE)) == ScreenChange(
         0.0, measure(screen(), screen()).location
     )
-    assert measure(screen(), screen(whole, value=101 + TOLERANCE)).share == 1
-    assert measure(screen(), screen(whole, value=99 - TOLERANCE)).share == 1
+    assert measure(screen(), screen(screen_box, value=101 + TOLERANCE)).share == 1
+    assert measure(screen(), screen(screen_box, value=99 - TOLERANCE)).share == 1
     assert measure(screen(), screen()[:50]).text() == "The size of the screen changed."

@@ -22,6 +22,8 @@ from pipelines.errors import BuildError, DatasetError
 from pipelines.exports import FORMATS, ExportReport, export, push_to_hub
 from pipelines.exports.webdataset import typed_row
 
+from support.dataset_files import file_contents
+
 PLANNERS: dict[str, Any] = {
     "cover": hj.PopUps(width=320, height=200, avoid_elements=False),
     "half": hj.Resolution(),
@@ -52,12 +54,6 @@ def source(recording: Any, add_line: Any, good_line: Any) -> Path:
 @pytest.fixture(params=["materialised", "lazy"])
 def dataset(request: Any, source: Path, tmp_path: Path) -> Path:
     return make(source, tmp_path / "set", output=request.param)
-
-
-def tree(folder: Path) -> dict[str, bytes]:
-    return {
-        str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()
-    }
 
 
 def expected(dataset: Path) -> list[dict[str, Any]]:
@@ -112,11 +108,11 @@ def test_chat_rows_load(dataset: Path, tmp_path: Path, monkeypatch: pytest.Monke
     columns, tags = info["columns"], info["tags"]
     assert info["formatting"] == "sharegpt"
     file = str(out / info["file_name"])
-    loaded = datasets.load_dataset(
+    dataset_rows = datasets.load_dataset(
         "json", data_files=file, split="train", cache_dir=str(tmp_path / "cache")
     )
-    assert len(loaded) == 27
-    for row in loaded:
+    assert len(dataset_rows) == 27
+    for row in dataset_rows:
         pictures, messages = row[columns["images"]], row[columns["messages"]]
         output = "".join(message[tags["content_tag"]] for message in messages)
         roles = [message[tags["role_tag"]] for message in messages]
@@ -134,12 +130,12 @@ def test_verl(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     files = sorted(str(file) for file in (tmp_path / "out" / "data").iterdir())
     assert len(files) == 5
     assert pq.read_table(files[4]).num_rows == 0  # every row of the last step is left out
-    loaded = datasets.load_dataset("parquet", data_files=files, cache_dir=str(tmp_path / "cache"))[
-        "train"
-    ]
+    dataset_rows = datasets.load_dataset(
+        "parquet", data_files=files, cache_dir=str(tmp_path / "cache")
+    )["train"]
     rows = expected(dataset)
-    assert len(loaded) == len(rows) == report.total
-    assert loaded.column_names == [
+    assert len(dataset_rows) == len(rows) == report.total
+    assert dataset_rows.column_names == [
         "data_source",
         "prompt",
         "images",
@@ -149,7 +145,7 @@ def test_verl(dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     ]
     raw = pq.read_table(files[0]).to_pylist()[0]
     assert raw["images"][0]["bytes"].startswith(b"\x89PNG")
-    for index, (example, row) in enumerate(zip(loaded, rows, strict=True)):
+    for index, (example, row) in enumerate(zip(dataset_rows, rows, strict=True)):
         (message,) = example["prompt"]
         assert message["role"] == "user"
         assert message["content"].count("<image>") == len(example["images"]) == 1
@@ -182,8 +178,8 @@ def test_webdataset(dataset: Path, tmp_path: Path) -> None:
                 items.append((key, kind, tar.extractfile(info).read()))  # type: ignore[union-attr]
     assert len({key for key, _, _ in items}) == len(items) // 3
     rows = expected(dataset)
-    for place, row in enumerate(rows):
-        (key, *_), *_ = group = items[3 * place : 3 * place + 3]
+    for index, row in enumerate(rows):
+        (key, *_), *_ = group = items[3 * index : 3 * index + 3]
         assert [(k, kind) for k, kind, _ in group] == [(key, "png"), (key, "json"), (key, "txt")]
         assert np.array_equal(pixels(group[0][2]), np.asarray(row["screenshot"]))
         about = json.loads(group[1][2])
@@ -201,12 +197,12 @@ def test_webdataset_streams_through_datasets(
     datasets = pytest.importorskip("datasets")
     export(dataset, tmp_path / "out", to="webdataset")
     files = sorted(str(file) for file in (tmp_path / "out").glob("train-0000[0-3].tar"))
-    loaded = list(
+    dataset_rows = list(
         datasets.load_dataset("webdataset", data_files=files, split="train", streaming=True)
     )
-    assert len(loaded) == 27
-    assert loaded[0]["json"]["id"] == "t0/0000/clean"
-    assert loaded[0]["png"].size == (320, 200)
+    assert len(dataset_rows) == 27
+    assert dataset_rows[0]["json"]["id"] == "t0/0000/clean"
+    assert dataset_rows[0]["png"].size == (320, 200)
 
 
 ACTIONS: list[dict[str, Any]] = [
@@ -279,7 +275,7 @@ def test_the_same_rows_give_the_same_bytes(to: str, source: Path, tmp_path: Path
         make(source, tmp_path / f"set-{name}", output=output)
         export(tmp_path / f"set-{name}", tmp_path / name, to=to)
     export(tmp_path / "set-a", tmp_path / "c", to=to)
-    a, b, c = (tree(tmp_path / name) for name in "abc")
+    a, b, c = (file_contents(tmp_path / name) for name in "abc")
     assert a == c
     del a["export.json"], b["export.json"]  # names the dataset by its bytes, which differ
     assert a == b
@@ -346,7 +342,7 @@ def test_an_export_that_was_killed_is_done_again(source: Path, tmp_path: Path) -
     (tmp_path / "out").mkdir()  # an empty folder is as good as none
     export(dataset, tmp_path / "out", to="chat")
     export(dataset, tmp_path / "whole", to="chat")
-    assert tree(tmp_path / "out") == tree(tmp_path / "whole")
+    assert file_contents(tmp_path / "out") == file_contents(tmp_path / "whole")
     assert not (tmp_path / ".out.exporting").exists()
 
 

@@ -46,11 +46,11 @@ def test_a_lost_action_is_done_again_on_the_screen_that_was_before_it(recording,
     source = recording(trajectories=2, steps=4)
     out = tmp_path / "set"
     report = build(source, out, corruptions={"lost": hj.make_corruption("missed_input", step=1)})
-    lost, clean = rows_of(out, "lost"), rows_of(out, "clean")
-    assert names(lost, "t0") == ["0001/lost", "0001/lost+drop", "0002/lost"]
-    first, again, after = lost[:3]
-    assert [row["event"] for row in lost[:3]] == [None, LOST, None]
-    assert [row["fidelity"] for row in lost[:3]] == ["exact", "recorded", "exact"]
+    lost_rows, clean = rows_of(out, "lost"), rows_of(out, "clean")
+    assert names(lost_rows, "t0") == ["0001/lost", "0001/lost+drop", "0002/lost"]
+    first, again, after = lost_rows[:3]
+    assert [row["event"] for row in lost_rows[:3]] == [None, LOST, None]
+    assert [row["fidelity"] for row in lost_rows[:3]] == ["exact", "recorded", "exact"]
     assert again["inserted"]
     assert again["reminder"] is None
     for row, step in ((first, 1), (again, 1), (after, 2)):
@@ -69,19 +69,19 @@ def test_exports_of_a_lost_action_have_the_action_before(recording, tmp_path):
     for form in ("chat", "verl", "webdataset", "atif", "onlooker"):
         assert export(tmp_path / "set", tmp_path / form, to=form).exit_code == 0
     chats = map(json.loads, (tmp_path / "chat/train.jsonl").read_text().splitlines())
-    asked = {chat["id"]: chat for chat in chats}
+    chats_by_id = {chat["id"]: chat for chat in chats}
     click = "pyautogui.click(101, 50)"
     for name, answer in (
         ("1/missed_input+drop", click),
         ("2/missed_input", "pyautogui.click(102, 50)"),
     ):
-        chat = asked[f"t0/000{name}"]
-        question, said = chat["messages"]
+        chat = chats_by_id[f"t0/000{name}"]
+        question, reply = chat["messages"]
         assert question["content"].count("<image>") == len(chat["images"]) == 2
         assert f"Your last action: {click}\n" in question["content"]
-        assert said["content"] == answer
+        assert reply["content"] == answer
         assert all((tmp_path / "chat" / image).is_file() for image in chat["images"])
-    assert len(asked["t0/0001/missed_input"]["images"]) == 1
+    assert len(chats_by_id["t0/0001/missed_input"]["images"]) == 1
     verl = {row["extra_info"]["id"]: len(row["images"]) for row in table(tmp_path / "verl", "data")}
     assert verl["t0/0001/missed_input+drop"] == 2
 
@@ -92,9 +92,11 @@ def test_exports_of_a_lost_action_have_the_action_before(recording, tmp_path):
     assert steps[0]["observation"]["results"][0]["content"]
 
     summaries = {row["before_id"]: row for row in table(tmp_path / "onlooker", "summaries")}
-    lost = summaries["t0/0001/missed_input"]
-    assert lost["summary"] == f"The agent clicked at (101, 50). Not the agent's doing: {LOST}"
-    assert lost["before"]["bytes"] == lost["after"]["bytes"]
+    lost_summary = summaries["t0/0001/missed_input"]
+    assert (
+        lost_summary["summary"] == f"The agent clicked at (101, 50). Not the agent's doing: {LOST}"
+    )
+    assert lost_summary["before"]["bytes"] == lost_summary["after"]["bytes"]
     arrived = summaries["t0/0001/missed_input+drop"]
     assert arrived["id"] == "t0/0002/missed_input"
     assert arrived["changed"] > 0.5
@@ -164,7 +166,7 @@ def no_waiting(monkeypatch):
     monkeypatch.setattr("online_env.environment.episode.WAIT_S", 0.0)
 
 
-def played(
+def play_episode(
     folder: Path, name: str | None, score: float = 1.0, later: tuple[str, ...] = (BACK, CLICK)
 ) -> dict[str, Any]:
     """An episode whose action at step 1 is hit, and which then goes on; its record."""
@@ -186,10 +188,10 @@ EVENTS = {
 
 @pytest.mark.parametrize("name", EVENTS)
 def test_a_run_under_a_fault_proves_what_followed_it(name, tmp_path):
-    record = played(tmp_path / "run", name)
+    record = play_episode(tmp_path / "run", name)
     (folder,) = (tmp_path / "run/episodes").iterdir()
-    sent = json.loads((folder / "steps.jsonl").read_text().splitlines()[1])["input"]["sent"]
-    assert sent != CLICK
+    sent_events = json.loads((folder / "steps.jsonl").read_text().splitlines()[1])["input"]["sent"]
+    assert sent_events != CLICK
     report = build(tmp_path / "run", tmp_path / "set", corruptions=f"{name}:step=1", seed=3)
     assert report.exit_code == 0
     rows = rows_of(tmp_path / "set", name)
@@ -201,7 +203,7 @@ def test_a_run_under_a_fault_proves_what_followed_it(name, tmp_path):
     clean = rows_of(tmp_path / "set", "clean")
     assert [row["action_code"] for row in clean] == ["WAIT", CLICK, BACK, CLICK, "DONE"]
     assert np.array_equal(rows[1]["screenshot"], clean[1 if is_lost else 2]["screenshot"])
-    assert json.loads(clean[1]["extra"])["input"]["sent"] == sent
+    assert json.loads(clean[1]["extra"])["input"]["sent"] == sent_events
     assert verify(tmp_path / "set").ok
     assert verify(tmp_path / "set", source=tmp_path / "run").ok
 
@@ -214,12 +216,12 @@ def test_a_run_under_a_fault_proves_what_followed_it(name, tmp_path):
 
 
 def test_what_no_run_shows_is_refused(tmp_path):
-    played(tmp_path / "clean", None)
+    play_episode(tmp_path / "clean", None)
     faults = "repeated_input:step=1,slipped_pointer:step=1"
     report = build(tmp_path / "clean", tmp_path / "set", corruptions=faults)
     reasons = {NO_PICTURE: 1}
     assert report.not_applicable == {"repeated_input": reasons, "slipped_pointer": reasons}
-    played(tmp_path / "run", "slipped_pointer")
+    play_episode(tmp_path / "run", "slipped_pointer")
     corruptions = "slipped_pointer:step=1,distance=4"
     report = build(tmp_path / "run", tmp_path / "other", corruptions=corruptions, seed=3)
     assert report.not_applicable == {"slipped_pointer": {OTHER_FAULT: 1}}
@@ -236,14 +238,14 @@ def test_what_no_run_shows_is_refused(tmp_path):
     ],
 )
 def test_what_the_agent_did_next_must_have_been_right(name, later, reason, tmp_path):
-    played(tmp_path / "run", name, later=later)
+    play_episode(tmp_path / "run", name, later=later)
     report = build(tmp_path / "run", tmp_path / "set", corruptions=f"{name}:step=1", seed=3)
     assert report.not_applicable == ({name: {reason: 1}} if reason else {})
     assert report.rows[name] == (0 if reason else 2)
 
 
 def test_of_an_episode_that_was_lost_nothing_after_the_fault_is_read(tmp_path):
-    played(tmp_path / "run", "slipped_pointer", score=0.0)
+    play_episode(tmp_path / "run", "slipped_pointer", score=0.0)
     rejected, recording = get_reader("runs").read(tmp_path / "run")
     assert [step.action_code for step in recording] == ["WAIT", CLICK]
     assert isinstance(rejected, Rejected)

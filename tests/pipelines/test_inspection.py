@@ -102,9 +102,9 @@ def _fractions() -> dict[str, Any]:
 
 
 def test_a_sample_of_each_format_and_source(tmp_path: Path) -> None:
-    for place, name in (("a/one", "osworld"), ("a/two", "webvoyager"), ("b", "osworld")):
-        (tmp_path / place).mkdir(parents=True)
-        FORMATS[name](tmp_path / place)
+    for folder, name in (("a/one", "osworld"), ("a/two", "webvoyager"), ("b", "osworld")):
+        (tmp_path / folder).mkdir(parents=True)
+        FORMATS[name](tmp_path / folder)
     result = inspect_source([tmp_path / "a", tmp_path / "b"], corruptions="resolution", sample=1)
     assert result.formats == {"osworld": [2, 4], "webvoyager": [1, 2]}
     assert result.looked_at == (3, 6)

@@ -54,7 +54,7 @@ def first(name: str, folder: Path) -> Trajectory:
     return value
 
 
-def changed(file: Path, **more: Any) -> None:
+def change_rows(file: Path, **more: Any) -> None:
     """Add fields to every record of a JSON or JSON Lines file."""
     text = file.read_text()
     lines = text.splitlines() if file.suffix == ".jsonl" else [text]
@@ -72,7 +72,7 @@ def agentnet(folder: Path) -> Path:
         "system": "Windows",
         "domain": "Work",
     }
-    changed(file, meta_info=about)
+    change_rows(file, meta_info=about)
     return folder
 
 
@@ -93,7 +93,7 @@ def osworld_snapshot(folder: Path) -> Path:
 def screenagent(folder: Path) -> Path:
     FORMATS["screenagent"](folder)
     for file in folder.rglob("*.json"):
-        changed(file, send_prompt_en="You are familiar with the Windows operating system. Now")
+        change_rows(file, send_prompt_en="You are familiar with the Windows operating system. Now")
     return folder
 
 
@@ -123,7 +123,7 @@ def openai_browser(folder: Path) -> Path:
 def runs(folder: Path) -> Path:
     FORMATS["runs"](folder)
     for file in folder.rglob("episode.json"):
-        changed(file, desktop={"provider": "EmbeddedDesktop"})
+        change_rows(file, desktop={"provider": "EmbeddedDesktop"})
     return folder
 
 

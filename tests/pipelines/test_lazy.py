@@ -52,10 +52,10 @@ def pair(source: Path, folder: Path, **options: Any) -> tuple[Path, Path]:
 def test_both_kinds_are_equal_row_by_row(
     label_policy: str, clean: bool, recording: Any, tmp_path: Path
 ) -> None:
-    whole, lazy = pair(recording(steps=4), tmp_path, label_policy=label_policy, clean=clean)
-    count = assert_same_rows(open_dataset(whole), open_dataset(lazy))
+    whole_folder, lazy = pair(recording(steps=4), tmp_path, label_policy=label_policy, clean=clean)
+    count = assert_same_rows(open_dataset(whole_folder), open_dataset(lazy))
     assert count == len(open_dataset(lazy)) > 30
-    assert [verify(folder).problems for folder in (whole, lazy)] == [[], []]
+    assert [verify(folder).problems for folder in (whole_folder, lazy)] == [[], []]
     assert verify(lazy).regenerated == count - 8 * clean
 
 
@@ -72,10 +72,11 @@ def test_rows_by_number_are_those_in_order(recording: Any, tmp_path: Path) -> No
 
 def test_the_real_recordings(shared_data: Path, tmp_path: Path) -> None:
     source = shared_data / "trajectories" / "agentnet_raw"
-    whole, lazy = pair(source, tmp_path, corruptions="pop_ups,resolution,marks,subtitle")
-    assert assert_same_rows(open_dataset(whole), open_dataset(lazy)) == 75
+    whole_folder, lazy = pair(source, tmp_path, corruptions="pop_ups,resolution,marks,subtitle")
+    assert assert_same_rows(open_dataset(whole_folder), open_dataset(lazy)) == 75
     sizes = [
-        sum(file.stat().st_size for file in (folder / "data").iterdir()) for folder in (whole, lazy)
+        sum(file.stat().st_size for file in (folder / "data").iterdir())
+        for folder in (whole_folder, lazy)
     ]
     assert sizes[1] < sizes[0] / 3
 
@@ -146,21 +147,21 @@ def test_a_row_that_can_be_derived_costs_64_bytes(recording: Any, tmp_path: Path
 def test_load_dataset_and_one_line(
     recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole, lazy = pair(recording(), tmp_path)
+    whole_folder, lazy = pair(recording(), tmp_path)
     raw = load(lazy, tmp_path / "cache", monkeypatch)
     assert type(raw.features[BASE]).__name__ == "Image"
     assert "screenshot" not in raw.features  # a clean picture must not pass for a corrupted one
     ready = raw.with_transform(render)
-    assert assert_same_rows(open_dataset(whole), [ready[i] for i in range(len(ready))]) == len(
-        ready
-    )
+    assert assert_same_rows(
+        open_dataset(whole_folder), [ready[i] for i in range(len(ready))]
+    ) == len(ready)
     batch = ready[3:9]
     assert [picture.tobytes() for picture in batch["screenshot"]] == [
-        row["screenshot"].tobytes() for row in list(open_dataset(whole))[3:9]
+        row["screenshot"].tobytes() for row in list(open_dataset(whole_folder))[3:9]
     ]
     assert ready["corruption"][:3] == ["clean", "marks", "half"]
     # the line does no harm
-    same = load(whole, tmp_path / "cache", monkeypatch).with_transform(render)
+    same = load(whole_folder, tmp_path / "cache", monkeypatch).with_transform(render)
     assert same[4]["screenshot"].tobytes() == ready[4]["screenshot"].tobytes()
     with pytest.raises(DatasetError, match=r"needs the column\(s\).*plan"):
         raw.select_columns([BASE, "id"]).with_transform(render)[0]
@@ -169,13 +170,13 @@ def test_load_dataset_and_one_line(
 def test_streaming(recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     datasets = pytest.importorskip("datasets")
-    whole, lazy = pair(recording(), tmp_path)
+    whole_folder, lazy = pair(recording(), tmp_path)
     stream = datasets.load_dataset(str(lazy), split="train", streaming=True).map(
         render, remove_columns=[BASE]
     )
-    for left, right in zip(open_dataset(whole), stream, strict=True):
-        assert left["screenshot"].tobytes() == right["screenshot"].tobytes()
-        assert left["plan"] == right["plan"]
+    for first_row, right in zip(open_dataset(whole_folder), stream, strict=True):
+        assert first_row["screenshot"].tobytes() == right["screenshot"].tobytes()
+        assert first_row["plan"] == right["plan"]
 
 
 def test_an_empty_batch_and_single_rows(recording: Any, tmp_path: Path) -> None:

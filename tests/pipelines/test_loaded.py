@@ -42,11 +42,11 @@ def shards(folder: Path) -> dict[str, bytes]:
 def fresh(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Forget what is loaded: now, and after the test."""
     registry.corruption_names()
-    kept = dict(registry.CORRUPTIONS.entries)
+    entries_before = dict(registry.CORRUPTIONS.entries)
 
     def forget() -> None:
         monkeypatch.setenv(loading.VARIABLE, "")
-        monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(kept))
+        monkeypatch.setattr(registry.CORRUPTIONS, "entries", dict(entries_before))
         monkeypatch.setattr(loading, "_files", {})
         monkeypatch.setattr(loading, "_listed", set())
 

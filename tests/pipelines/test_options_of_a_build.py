@@ -74,10 +74,10 @@ def test_progress_reads_a_small_source_once(
     kept_steps: int, times: int, recording: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     real = Jsonl.read
-    opened: list[Any] = []
+    opened_paths: list[Any] = []
 
     def counted(self: Any, source: Any) -> Any:
-        opened.append(source)
+        opened_paths.append(source)
         return real(self, source)
 
     monkeypatch.setattr(Jsonl, "read", counted)
@@ -89,8 +89,8 @@ def test_progress_reads_a_small_source_once(
         corruptions="clean",
         progress=lambda item, total, _: calls.append((item, total)),
     )
-    assert len(opened) == times
+    assert len(opened_paths) == times
     assert calls == [(item, 6) for item in range(1, 7)]
-    opened.clear()
+    opened_paths.clear()
     build(tmp_path / "source", tmp_path / "quiet", corruptions="clean")
-    assert len(opened) == 1
+    assert len(opened_paths) == 1

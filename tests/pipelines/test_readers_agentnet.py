@@ -1,20 +1,18 @@
 import copy
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from PIL import Image
 
-from hijack_data.types import Action, Trajectory
-from pipelines.readers import Rejected, detect_format, get_reader
+from hijack_data.types import Action
+from pipelines.readers import detect_format, get_reader
 
+from support.recordings import read_source
 
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("agentnet").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="agentnet")
 
 
 RAW = {
@@ -98,13 +96,13 @@ def test_a_task_with_the_annotators_description_only(source: Path) -> None:
 
 def change(record: dict[str, Any], path: str, value: object) -> dict[str, Any]:
     """Return a copy with the value at `path` (`traj.0.image`) replaced; `None` removes it."""
-    changed = copy.deepcopy(record)
+    changed_record = copy.deepcopy(record)
     *parents, last = [int(key) if key.isdigit() else key for key in path.split(".")]
-    place: Any = changed
+    node: Any = changed_record
     for key in parents:
-        place = place[key]
-    place[last] = value
-    return changed
+        node = node[key]
+    node[last] = value
+    return changed_record
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,18 @@
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from hijack_data.types import Action, Trajectory
-from pipelines.readers import Rejected, detect_format, get_reader
+from hijack_data.types import Action
+from pipelines.readers import detect_format
 from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import anthropic, png, text_of, write_json, write_lines
+from support.recordings import read_source
 
-
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("anthropic").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="anthropic")
 
 
 def messages(folder: Path) -> list[Any]:

@@ -144,16 +144,16 @@ def test_the_beginning_of_a_file_is_read_once_for_all_readers(
 ) -> None:
     from pipelines.readers import file_head
 
-    opened: list[Path] = []
+    opened_paths: list[Path] = []
 
     def first_records(path: Path) -> list[Any]:
-        opened.append(path)
+        opened_paths.append(path)
         return safe_files.first_records(path)
 
     monkeypatch.setattr(file_head, "first_records", first_records)
     (tmp_path / "any.jsonl").write_text(AGENTNET)
     assert detect_format(tmp_path) == "agentnet"
-    assert opened == [tmp_path / "any.jsonl"]
+    assert opened_paths == [tmp_path / "any.jsonl"]
 
 
 def test_only_readers_whose_keys_a_file_has_are_asked_about_it(

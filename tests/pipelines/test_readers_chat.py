@@ -77,8 +77,8 @@ def test_the_last_of_several_pictures_is_the_screen(tmp_path: Path) -> None:
     row = openai_row(CODES[:1], files(tmp_path, 3))
     row["messages"][0]["content"] = "<image><image>before<image>open it"
     write_lines(tmp_path / "a.jsonl", [row])
-    (found,), _ = read(tmp_path)
-    assert [read_picture(s.image, "") for s in found] == [png(2)]
+    (trajectory,), _ = read(tmp_path)
+    assert [read_picture(s.image, "") for s in trajectory] == [png(2)]
 
 
 def test_one_picture_needs_no_placeholder_and_several_do(tmp_path: Path) -> None:
@@ -86,8 +86,8 @@ def test_one_picture_needs_no_placeholder_and_several_do(tmp_path: Path) -> None
     for row in rows:
         row["messages"][0]["content"] = "open it"
     write_lines(tmp_path / "a.jsonl", rows)
-    (found,), (rejected,) = read(tmp_path)
-    assert found.id == "a/000000"
+    (trajectory,), (rejected,) = read(tmp_path)
+    assert trajectory.id == "a/000000"
     assert "which of the 2 pictures" in rejected.reason
 
 
@@ -116,8 +116,8 @@ def test_pictures_as_data_urls_and_from_the_source(tmp_path: Path) -> None:
 def test_pictures_that_are_not_there(name: Any, reason: str, tmp_path: Path) -> None:
     names = files(tmp_path)
     write_lines(tmp_path / "a.jsonl", [openai_row(CODES[:1], [name]), openai_row(CODES[:1], names)])
-    (found,), (rejected,) = read(tmp_path)
-    assert found.id == "a/000001"
+    (trajectory,), (rejected,) = read(tmp_path)
+    assert trajectory.id == "a/000001"
     assert reason in rejected.reason
 
 
@@ -204,13 +204,13 @@ def test_scale_cua(calls: str, expected: Action, code: str, tmp_path: Path) -> N
     ask = "Please generate the next move.\n\nTask: read it\n\nPrevious operations:\nNone"
     row = {**sharegpt_row([reply], files(tmp_path), ask), "width": 400, "height": 200}
     write_lines(tmp_path / "a.jsonl", [row])
-    (found,), rejected = read(tmp_path, coordinates="fractions")
+    (trajectory,), rejected = read(tmp_path, coordinates="fractions")
     assert not rejected
-    assert (found.instruction, found.steps[0].action, found.steps[0].action_code) == (
-        "read it",
-        expected,
-        code,
-    )
+    assert (
+        trajectory.instruction,
+        trajectory.steps[0].action,
+        trajectory.steps[0].action_code,
+    ) == ("read it", expected, code)
 
 
 @pytest.mark.parametrize(
@@ -226,10 +226,10 @@ def test_scale_cua(calls: str, expected: Action, code: str, tmp_path: Path) -> N
 )
 def test_os_atlas(reply: str, expected: Action, tmp_path: Path) -> None:
     write_json(tmp_path / "a.json", [sharegpt_row([reply], files(tmp_path))])
-    (found,), rejected = read(tmp_path)
+    (trajectory,), rejected = read(tmp_path)
     assert not rejected
-    assert (found.steps[0].action, found.steps[0].action_code) == (expected, reply)
-    assert found.steps[0].target_box == ((100, 40, 140, 60) if "<box>" in reply else None)
+    assert (trajectory.steps[0].action, trajectory.steps[0].action_code) == (expected, reply)
+    assert trajectory.steps[0].target_box == ((100, 40, 140, 60) if "<box>" in reply else None)
 
 
 # The picture has 400 x 200 pixels.
@@ -246,9 +246,12 @@ DEFINED = [
 @pytest.mark.parametrize("reply", DEFINED)
 def test_forms_of_one_model_have_the_space_of_their_definition(reply: str, tmp_path: Path) -> None:
     write_json(tmp_path / "a.json", [sharegpt_row([reply], files(tmp_path))])
-    (found,), rejected = read(tmp_path)
+    (trajectory,), rejected = read(tmp_path)
     assert not rejected
-    assert (found.steps[0].action, found.steps[0].action_code) == (Action("click", 100, 50), reply)
+    assert (trajectory.steps[0].action, trajectory.steps[0].action_code) == (
+        Action("click", 100, 50),
+        reply,
+    )
 
 
 @pytest.mark.parametrize(
@@ -263,9 +266,9 @@ def test_forms_of_one_model_have_the_space_of_their_definition(reply: str, tmp_p
 def test_newer_forms_of_families_need_their_space_all_the_same(reply: str, tmp_path: Path) -> None:
     write_json(tmp_path / "a.json", [sharegpt_row([reply], files(tmp_path))])
     assert "coordinates" in read(tmp_path)[1][0].reason
-    (found,), rejected = read(tmp_path, coordinates="thousand")
+    (trajectory,), rejected = read(tmp_path, coordinates="thousand")
     assert not rejected
-    assert found.steps[0].action == Action("click", 100, 50)
+    assert trajectory.steps[0].action == Action("click", 100, 50)
 
 
 def test_several_boxes_are_no_click(tmp_path: Path) -> None:
@@ -321,9 +324,9 @@ def test_a_prompt_that_states_the_resolution_says_the_space(
     prompt = f"* The screen's resolution is {resolution}.\n* ..."
     row["messages"].insert(0, {"role": "system", "content": prompt})
     write_lines(tmp_path / "a.jsonl", [row])
-    (found,), rejected = read(tmp_path)
+    (trajectory,), rejected = read(tmp_path)
     assert not rejected
-    x, y = found.steps[0].action.x, found.steps[0].action.y
+    x, y = trajectory.steps[0].action.x, trajectory.steps[0].action.y
     assert abs(x - 480) <= 1
     assert abs(y - 270) <= 1
 
@@ -337,10 +340,10 @@ def test_structured_calls_of_qwen_are_text(tmp_path: Path) -> None:
     row = openai_row([""], files(tmp_path))
     row["messages"][1]["tool_calls"] = [call]
     write_lines(tmp_path / "a.jsonl", [row])
-    (found,), rejected = read(tmp_path, coordinates="thousand")
+    (trajectory,), rejected = read(tmp_path, coordinates="thousand")
     assert not rejected
-    assert found.steps[0].action == Action("click", 100, 50)
-    assert found.steps[0].action_code == computer_use(250, 250)
+    assert trajectory.steps[0].action == Action("click", 100, 50)
+    assert trajectory.steps[0].action_code == computer_use(250, 250)
 
 
 @pytest.mark.parametrize(

@@ -1,28 +1,25 @@
 """Arrow folders of `save_to_disk`, and tables whose rows are steps."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import hijack_data as hj
-from hijack_data.types import Action, Trajectory
+from hijack_data.types import Action
 from pipelines import build, open_dataset, verify
-from pipelines.readers import Rejected, detect_format, get_reader
+from pipelines.readers import detect_format
 from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import chat_code, png, write_table
+from support.recordings import read_source
 
 datasets = pytest.importorskip("datasets")
 TASK = "Task(description='Press it', task_id=None, metadata={'a': [1]}, computer=None)"
 
-
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("parquet").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="parquet")
 
 
 def trace(folder: Path, events: list[tuple[str, dict[str, Any], list[int]]]) -> Path:
@@ -78,10 +75,14 @@ def test_steps_of_cua_bench(said: str, expected: Action, tmp_path: Path) -> None
         ],
     )
     assert detect_format(tmp_path) == "parquet"
-    (found,), rejected = read(tmp_path)
+    (trajectory,), rejected = read(tmp_path)
     assert not rejected
-    assert (found.id, found.instruction, found.platform) == ("run-1", "Press it", "windows")
-    (step,) = found.steps
+    assert (trajectory.id, trajectory.instruction, trajectory.platform) == (
+        "run-1",
+        "Press it",
+        "windows",
+    )
+    (step,) = trajectory.steps
     assert step.action == expected
     assert read_picture(step.image, "") == png(1)
     assert step.action_code
@@ -104,9 +105,9 @@ def test_steps_of_an_agent_of_cua_bench(tmp_path: Path) -> None:
             ("agent_step", {"output": [click]}, [3]),
         ],
     )
-    (found,), (rejected,) = read(tmp_path)
-    assert [read_picture(step.image, "") for step in found] == [png(0), png(2)]
-    assert {step.action for step in found} == {Action("click", 100, 50)}
+    (trajectory,), (rejected,) = read(tmp_path)
+    assert [read_picture(step.image, "") for step in trajectory] == [png(0), png(2)]
+    assert {step.action for step in trajectory} == {Action("click", 100, 50)}
     assert "does not say what its coordinates count" in rejected.reason
     out = tmp_path / "out"
     build(tmp_path / "t", out, corruptions={"half": hj.Resolution(scale=0.5)})
@@ -137,22 +138,24 @@ def test_chat_rows_are_read_as_their_parquet(tmp_path: Path) -> None:
     chat_code(tmp_path / "parquet")
     (file,) = (tmp_path / "parquet").rglob("*.parquet")
     datasets.Dataset.from_parquet(str(file)).save_to_disk(tmp_path / "arrow")
-    (one,), _ = read(tmp_path / "parquet")
-    (other,), rejected = read(tmp_path / "arrow")
+    (trajectory,), _ = read(tmp_path / "parquet")
+    (arrow_trajectory,), rejected = read(tmp_path / "arrow")
     assert not rejected
-    assert [s.action for s in one] == [s.action for s in other]
-    assert [read_picture(s.image, "") for s in one] == [read_picture(s.image, "") for s in other]
+    assert [s.action for s in trajectory] == [s.action for s in arrow_trajectory]
+    assert [read_picture(s.image, "") for s in trajectory] == [
+        read_picture(s.image, "") for s in arrow_trajectory
+    ]
 
 
 def test_a_damaged_arrow_file_is_rejected(tmp_path: Path) -> None:
     trace(tmp_path / "t", [RESET, ("step:before", {"action": "DoneAction()"}, [1])])
     (file,) = (tmp_path / "t").glob("*.arrow")
-    whole = file.read_bytes()
+    whole_bytes = file.read_bytes()
     for content in (
         b"",
         b"ARROW1 and no more",
-        whole[: len(whole) // 2],
-        whole[:600] + b"\xff" * 64 + whole[664:],
+        whole_bytes[: len(whole_bytes) // 2],
+        whole_bytes[:600] + b"\xff" * 64 + whole_bytes[664:],
     ):
         file.write_bytes(content)
         value, rejected = read(tmp_path)
@@ -185,12 +188,15 @@ def test_tess_agentnet(tmp_path: Path) -> None:
         row("b", 1, action_type=1, keyboard_text="<ENTER>"),
     ]
     write_table(tmp_path / "train.parquet", rows)
-    (one, two), rejected = read(tmp_path)
+    (first, two), rejected = read(tmp_path)
     # A quarter of 400, half of 200.
-    assert [s.action for s in one] == [Action("click", 100, 100), Action("double_click", 100, 100)]
+    assert [s.action for s in first] == [
+        Action("click", 100, 100),
+        Action("double_click", 100, 100),
+    ]
     assert [s.action for s in two] == [Action("type", text="hello"), Action("other")]
     assert [(r.where, r.field) for r in rejected] == [
         ("row 2", "action_type"),
         ("row 3", "action_type"),
     ]
-    assert (one.id, one.instruction, one.platform) == ("a", "do a", "linux")
+    assert (first.id, first.instruction, first.platform) == ("a", "do a", "linux")

@@ -15,22 +15,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import hijack_data as hj
-from hijack_data.types import Trajectory
 from pipelines import build, verify
 from pipelines.errors import SourceError
-from pipelines.readers import Rejected, detect_format, get_reader, names
+from pipelines.readers import detect_format, get_reader, names
 from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import FORMATS, HEIGHT, PLACELESS, POINT, SETS, WIDTH, png
+from support.recordings import read_source
 
 EVERY = {**FORMATS, **SETS}
-
-
-def read(name: str, path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader(name).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
 
 
 @pytest.fixture
@@ -73,9 +66,9 @@ def test_a_recording_is_told_by_its_file_alone(name: str, source: Path) -> None:
 def test_two_formats_in_one_folder_are_never_guessed(one: str, other: str, source: Path) -> None:
     for name in (one, other):
         # these look at the top folder only
-        place = source if name in ("agentnet", "jsonl", "runs") else source / name
-        place.mkdir(exist_ok=True)
-        EVERY[name](place)
+        node = source if name in ("agentnet", "jsonl", "runs") else source / name
+        node.mkdir(exist_ok=True)
+        EVERY[name](node)
     with pytest.raises(SourceError, match="could be of format") as caught:
         detect_format(source)
     assert one in str(caught.value)
@@ -87,9 +80,9 @@ def test_reading_is_complete_repeatable_and_shows_the_right_pictures(
     name: str, source: Path
 ) -> None:
     FORMATS[name](source)
-    (trajectory,), rejected = read(name, source)
+    (trajectory,), rejected = read_source(source, name)
     assert rejected == []
-    assert read(name, source) == ([trajectory], [])
+    assert read_source(source, name) == ([trajectory], [])
     assert trajectory.source == name
     assert trajectory.instruction
     assert len(trajectory.steps) == 2
@@ -176,7 +169,7 @@ def test_what_is_dangerous_is_refused_and_counted(name: str, source: Path) -> No
     FORMATS[name](source)
     (source / "trajectory.pkl").write_bytes(b"cos\nsystem\n(S'touch pwned'\ntR.")
     (source / "loop").symlink_to(source)
-    trajectories, rejected = read(name, source)
+    trajectories, rejected = read_source(source, name)
     assert len(trajectories) == 1
     assert {(r.file, r.reason.split()[1]) for r in rejected} == {
         ("trajectory.pkl", "pickle"),
@@ -205,7 +198,7 @@ def test_a_broken_file_is_counted_and_the_rest_is_read(
     broken = source / "zz" / (records.name if named else "broken" + records.suffix)
     broken.parent.mkdir()
     broken.write_bytes(content)
-    trajectories, rejected = read(name, source)
+    trajectories, rejected = read_source(source, name)
     assert len(trajectories) == 1
     assert rejected
     assert {r.file for r in rejected} == {
@@ -244,7 +237,7 @@ def places(value: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
         if isinstance(value, list)
         else ()
     )
-    return [path, *(place for key, item in inner for place in places(item, (*path, key)))]
+    return [path, *(item_path for key, item in inner for item_path in places(item, (*path, key)))]
 
 
 def replaced(value: Any, path: tuple[Any, ...], new: Any) -> Any:
@@ -271,7 +264,7 @@ def test_no_value_stops_a_reader(
     record = json.loads(lines[line])
     lines[line] = json.dumps(replaced(record, data.draw(st.sampled_from(places(record))), odd))
     file.write_text("\n".join(lines))
-    trajectories, rejected = read(name, source)
+    trajectories, rejected = read_source(source, name)
     assert trajectories or rejected
     for trajectory in trajectories:
         json.dumps(asdict(trajectory), allow_nan=False).encode()
@@ -288,7 +281,7 @@ def test_half_of_a_surrogate_pair_in_place_of_messages_is_rejected(tmp_path: Pat
     (file,) = source.glob("*.jsonl")
     record = json.loads(file.read_text().splitlines()[0])
     file.write_text(json.dumps({**record, "messages": "\ud800"}) + "\n")
-    trajectories, rejected = read("chat", source)
+    trajectories, rejected = read_source(source, "chat")
     assert not trajectories
     assert [(item.field, item.reason) for item in rejected] == [
         ("messages", "holds half of a surrogate pair, which is not text")

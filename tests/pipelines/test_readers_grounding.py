@@ -2,18 +2,19 @@
 picture."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from hijack_data.types import Action, Trajectory
+from hijack_data.types import Action
 from pipelines import build, open_dataset
 from pipelines.errors import SourceError
-from pipelines.readers import Rejected, detect_format, get_reader
-from pipelines.readers.reader_options import ReaderOptions, with_choices
+from pipelines.readers import detect_format
 
 from support.formats import grounding, png, write_json, write_lines
+from support.recordings import read_source
 
 CORNERS = [(40, 30, 200, 60), (300, 100, 390, 190), (0, 0, 10, 10)]
 
@@ -70,11 +71,7 @@ def make(folder: Path, rows: list[Any], suffix: str = "json") -> Path:
     return folder
 
 
-def read(path: Path, **choices: str) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(with_choices(get_reader("grounding"), ReaderOptions(**choices)).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="grounding")
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
@@ -102,8 +99,8 @@ def test_what_a_set_says_of_the_screen_is_kept(tmp_path: Path) -> None:
     }
     for number, (maker, (domain, apps)) in enumerate(makers.items()):
         folder = make(tmp_path / str(number), [maker("0.png", CORNERS[1], "a")])
-        (found,), _ = read(folder)
-        assert (found.domain, found.apps) == (domain, apps)
+        (trajectory,), _ = read(folder)
+        assert (trajectory.domain, trajectory.apps) == (domain, apps)
 
 
 def test_boxes_of_one_picture_are_its_elements(tmp_path: Path) -> None:
@@ -186,9 +183,9 @@ def test_the_sample_of_every_reader(tmp_path: Path) -> None:
 
 def published(folder: Path, table: str, pictures: str, rows: list[Any]) -> Path:
     for number in range(3):
-        place = folder / pictures / f"{number}.png"
-        place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(png(number))
+        path = folder / pictures / f"{number}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(png(number))
     write_json(folder / table, rows)
     return folder
 
@@ -218,17 +215,10 @@ PUBLISHED = {
 }
 
 
-def read_as(name: str, path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader(name).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
-
-
 @pytest.mark.parametrize("name", PUBLISHED)
 def test_a_set_by_name_is_read_as_grounding_reads_it(name: str, tmp_path: Path) -> None:
     folder = PUBLISHED[name](tmp_path)
-    value, rejected = read_as(name, folder)
+    value, rejected = read_source(folder, name)
     assert not rejected
     assert [t.steps[0].target_box for t in value] == CORNERS
     assert {t.source for t in value} == {name}
@@ -243,7 +233,7 @@ def test_a_set_by_name_is_read_as_grounding_reads_it(name: str, tmp_path: Path) 
 def test_another_layout_is_an_error_that_says_the_right_one(name: str, tmp_path: Path) -> None:
     make(tmp_path, [os_atlas("0.png", CORNERS[0], "a")])
     with pytest.raises(SourceError, match=f"is not laid out as {name}: .*images?"):
-        read_as(name, tmp_path)
+        read_source(tmp_path, name)
 
 
 @pytest.mark.parametrize(
@@ -265,7 +255,7 @@ def test_another_layout_is_an_error_that_says_the_right_one(name: str, tmp_path:
     ],
 )
 def test_a_bad_row_of_a_set_is_named(name: str, change: Any, reason: str, tmp_path: Path) -> None:
-    value, (rejected,) = read_as(name, PUBLISHED[name](tmp_path, **change))
+    value, (rejected,) = read_source(PUBLISHED[name](tmp_path, **change), name)
     assert [t.steps[0].target_box for t in value] == CORNERS[1:]
     assert rejected.where == "row 0"
     assert reason in rejected.reason
@@ -281,7 +271,7 @@ def test_polygons_and_refusals_of_osworld_g(tmp_path: Path) -> None:
         | {"box_type": "refusal", "box_coordinates": [-1, -1, -1, -1]},
     ]
     folder = published(tmp_path, "OSWorld-G_refined.json", "images", rows)
-    (first, second), rejected = read_as("osworld_g", folder)
+    (first, second), rejected = read_source(folder, "osworld_g")
     assert not rejected
     assert first.steps[0].target_box == (100, 20, 300, 180)
     assert first.steps[0].action == Action("click", 110, 100)

@@ -1,5 +1,6 @@
 import json
 import os
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,19 +9,16 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from hijack_data.types import ACTION_TYPES, Action, Trajectory
-from pipelines.readers import Rejected, fields, get_reader, safe_files
+from hijack_data.types import ACTION_TYPES, Action
+from pipelines.readers import fields, safe_files
 from pipelines.readers.fields import ACTION_FIELDS, REQUIRED, FieldError
 from pipelines.readers.plain_fields import FIELDS, SCHEMA
 
+from support.recordings import read_source
+
 ROOT = Path(__file__).resolve().parents[2]
 
-
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("jsonl").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="jsonl")
 
 
 def test_a_recording_is_read_as_it_is(recording: Any) -> None:

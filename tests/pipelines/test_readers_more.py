@@ -7,23 +7,17 @@ from typing import Any
 
 import pytest
 
-from hijack_data.types import Action, Trajectory
-from pipelines.readers import RecordedTrajectory, Rejected, detect_format, get_reader
+from hijack_data.types import Action
+from pipelines.readers import RecordedTrajectory, detect_format
 from pipelines.readers.recorded_pictures import read_picture
 from pipelines.readers.recording_facts import stated_screen
 
 from support.formats import Shots, android_control, cua, gui_odyssey, png, write_json, write_table
+from support.recordings import read_source
 
 TALL = Shots(
     picture=lambda number: png(number, 1080, 2400), size=(1080, 2400), clicks=((0, 0), (10, 10))
 )
-
-
-def read(path: Path, name: str) -> tuple[list[Any], list[Rejected]]:
-    items = list(get_reader(name).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
 
 
 def change(file: Path, *keys: Any, value: Any) -> None:
@@ -36,16 +30,16 @@ def change(file: Path, *keys: Any, value: Any) -> None:
 
 def test_cua_gives_each_action_the_screen_before_it(tmp_path: Path) -> None:
     cua(tmp_path, Shots(clicks=((10, 10), (20, 20), (30, 30))))
-    (found,), rejected = read(tmp_path, "cua")
+    (trajectory,), rejected = read_source(tmp_path, "cua")
     assert not rejected
-    assert [s.action for s in found] == [
+    assert [s.action for s in trajectory] == [
         Action("click", 100, 50),
         Action("click", 200, 100),
         Action("click", 300, 150),
         Action("wait"),
     ]
-    assert [read_picture(s.image, "") for s in found] == [png(i) for i in range(4)]
-    assert found.id == "2025-08-01_a-model_101500_ab12"
+    assert [read_picture(s.image, "") for s in trajectory] == [png(i) for i in range(4)]
+    assert trajectory.id == "2025-08-01_a-model_101500_ab12"
 
 
 def test_cua_without_a_look_has_no_screen_for_the_first_action(tmp_path: Path) -> None:
@@ -53,9 +47,9 @@ def test_cua_without_a_look_has_no_screen_for_the_first_action(tmp_path: Path) -
     (first,) = tmp_path.glob("*/turn_000/*_computer_call_result.json")
     first.unlink()
     next(tmp_path.glob("*/turn_000/*_screenshot_after.png")).unlink()
-    (found,), (rejected,) = read(tmp_path, "cua")
+    (trajectory,), (rejected,) = read_source(tmp_path, "cua")
     assert "before this action" in rejected.reason
-    assert [read_picture(s.image, "") for s in found] == [png(1)]
+    assert [read_picture(s.image, "") for s in trajectory] == [png(1)]
 
 
 @pytest.mark.parametrize(
@@ -71,16 +65,16 @@ def test_a_bad_call_of_cua_never_loses_the_rest(action: Any, reason: str, tmp_pa
     cua(tmp_path)
     (file,) = tmp_path.glob("*/turn_001/*_computer_call_result.json")
     change(file, "item", "action", value=action)
-    (found,), (rejected,) = read(tmp_path, "cua")
+    (trajectory,), (rejected,) = read_source(tmp_path, "cua")
     assert reason in rejected.reason
-    assert [s.action.type for s in found] == ["wait"]
+    assert [s.action.type for s in trajectory] == ["wait"]
 
 
 def test_a_function_of_cua_does_not_say_its_space(tmp_path: Path) -> None:
     cua(tmp_path)
     (file,) = tmp_path.glob("*/turn_001/*_computer_call_result.json")
     file.rename(file.with_name(file.name.replace("computer_call", "function_call")))
-    _, (rejected,) = read(tmp_path, "cua")
+    _, (rejected,) = read_source(tmp_path, "cua")
     assert "does not say what its coordinates count" in rejected.reason
 
 
@@ -90,14 +84,14 @@ def test_a_function_of_cua_does_not_say_its_space(tmp_path: Path) -> None:
 @pytest.mark.parametrize("shots", [Shots(), TALL])
 def test_phones(name: str, maker: Any, shots: Shots, tmp_path: Path) -> None:
     maker(tmp_path, shots=shots)
-    (found,), rejected = read(tmp_path, name)
+    (trajectory,), rejected = read_source(tmp_path, name)
     assert not rejected
-    assert [s.action.point for s in found][:-1] == shots.pixels
-    assert [read_picture(s.image, "") for s in found] == [
+    assert [s.action.point for s in trajectory][:-1] == shots.pixels
+    assert [read_picture(s.image, "") for s in trajectory] == [
         shots.picture(i) for i in range(len(shots.clicks) + 1)
     ]
-    assert isinstance(found, RecordedTrajectory)
-    assert (found.screen, found.domain) == ("phone", "android")
+    assert isinstance(trajectory, RecordedTrajectory)
+    assert (trajectory.screen, trajectory.domain) == ("phone", "android")
 
 
 @pytest.mark.parametrize(
@@ -118,12 +112,12 @@ def test_actions_of_gui_odyssey(step: Any, expected: Any, tmp_path: Path) -> Non
     gui_odyssey(tmp_path)
     file = tmp_path / "annotations" / "e1.json"
     change(file, "steps", 0, value={"step": 0, "screenshot": "e1_0.png", **step})
-    (found,), rejected = read(tmp_path, "gui_odyssey")
+    (trajectory,), rejected = read_source(tmp_path, "gui_odyssey")
     if isinstance(expected, str):
         assert [expected in r.reason for r in rejected] == [True]
-        assert [s.action.type for s in found] == ["done"]
+        assert [s.action.type for s in trajectory] == ["done"]
     else:
-        assert (found.steps[0].action, rejected) == (expected, [])
+        assert (trajectory.steps[0].action, rejected) == (expected, [])
 
 
 @pytest.mark.parametrize(
@@ -147,20 +141,20 @@ def test_actions_of_gui_odyssey(step: Any, expected: Any, tmp_path: Path) -> Non
 def test_actions_of_android_control(action: Any, expected: Any, tmp_path: Path) -> None:
     android_control(tmp_path)
     change(tmp_path / "7.json", "actions", 0, value=action)
-    (found,), rejected = read(tmp_path, "android_control")
+    (trajectory,), rejected = read_source(tmp_path, "android_control")
     if isinstance(expected, str):
         assert [expected in r.reason for r in rejected] == [True]
-        assert len(found.steps) == 1
+        assert len(trajectory.steps) == 1
     else:
-        assert (found.steps[0].action, rejected) == (expected, [])
-        assert found.apps == (("Clock",) if "app_name" in action else ())
+        assert (trajectory.steps[0].action, rejected) == (expected, [])
+        assert trajectory.apps == (("Clock",) if "app_name" in action else ())
 
 
 @pytest.mark.parametrize("name", ["android_control-00000-of-00020", "general.tfrecord"])
 def test_tfrecord_is_refused_with_the_way_out(name: str, tmp_path: Path) -> None:
     (tmp_path / name).write_bytes(b"\x1f\x8b")
     assert detect_format(tmp_path) == detect_format(tmp_path / name) == "android_control"
-    value, (rejected,) = read(tmp_path, "android_control")
+    value, (rejected,) = read_source(tmp_path, "android_control")
     assert not value
     assert "write a JSON an episode" in rejected.reason
 
@@ -199,7 +193,7 @@ def test_multimodal_mind2web(tmp_path: Path) -> None:
         mind2web_row(7, "CLICK"),
     ]
     write_table(tmp_path / "a.parquet", rows)
-    value, rejected = read(tmp_path, "parquet")
+    value, rejected = read_source(tmp_path, "parquet")
     assert [t.id for t in value] == ["a1/u0", "a1/u1", "a1/u2", "a1/u7"]
     assert [t.steps[0].action for t in value][:3] == [
         Action("click", 100, 50),

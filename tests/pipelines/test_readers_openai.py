@@ -1,22 +1,18 @@
 import json
 import tracemalloc
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from hijack_data.types import Action, Trajectory
-from pipelines.readers import Rejected, get_reader
+from hijack_data.types import Action
 from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import openai, png, url, write_json, write_lines
+from support.recordings import read_source
 
-
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("openai").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="openai")
 
 
 def items(folder: Path) -> list[Any]:

@@ -1,24 +1,21 @@
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from hijack_data.types import Action, Trajectory
-from pipelines.readers import Rejected, detect_format, get_reader, safe_files
+from pipelines.readers import detect_format, safe_files
 
 from support.formats import TASK, osworld, png, write_json, write_lines
+from support.recordings import read_source
 
 FOLDER = f"pyautogui/screenshot/a-model/gimp/{TASK}"
 RECORDS = f"{FOLDER}/traj.jsonl"
 CLICK = "pyautogui.click(100, 50)"
 
-
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("osworld").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="osworld")
 
 
 def pictures(trajectory: Trajectory) -> list[bytes]:

@@ -1,5 +1,6 @@
 import json
 import tracemalloc
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,21 +13,17 @@ from hypothesis import strategies as st
 import hijack_data as hj
 from hijack_data.types import Action, Trajectory
 from pipelines import build
-from pipelines.readers import Rejected, detect_format, get_reader
+from pipelines.readers import detect_format, get_reader
 from pipelines.readers.box_forms import box_in
 from pipelines.readers.fields import FieldError
 from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import png, write_table
+from support.recordings import read_source
 
 CLICK = "pyautogui.click(100, 50)"
 
-
-def read(path: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader("parquet").read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="parquet")
 
 
 def picture(number: int) -> dict[str, Any]:
@@ -63,15 +60,15 @@ def test_rows_of_several_files_and_groups(tmp_path: Path) -> None:
 def test_actions_are_code_or_computer_13(tmp_path: Path) -> None:
     actions = [CLICK, '{"action_type": "CLICK", "x": 3, "y": 4}', "WAIT"]
     write_table(tmp_path / "a.parquet", [trajectory("a", [0, 1, 2], actions, domain="os")])
-    (found,), rejected = read(tmp_path)
+    (recorded,), rejected = read(tmp_path)
     assert not rejected
-    assert [s.action for s in found] == [
+    assert [s.action for s in recorded] == [
         Action("click", 100, 50),
         Action("click", 3, 4),
         Action("wait"),
     ]
-    assert [s.action_code for s in found] == actions
-    assert found.domain == "os"
+    assert [s.action_code for s in recorded] == actions
+    assert recorded.domain == "os"
 
 
 @pytest.mark.parametrize(
@@ -234,12 +231,12 @@ def test_tool_calls_count_in_thousandths(
 ) -> None:
     messages = cua(call("screenshot"), action, batch=batch)
     write_table(tmp_path / "a.parquet", [chat(messages)])
-    (found,), rejected = read(tmp_path)
+    (trajectory,), rejected = read(tmp_path)
     assert not rejected
-    assert [s.action for s in found] == [expected, Action("done", text="Done.")]
-    assert json.loads(found.steps[0].action_code) == messages[1]["tool_calls"]
-    assert found.instruction == "open it"
-    assert [read_picture(s.image, "") for s in found] == [png(0), png(1)]
+    assert [s.action for s in trajectory] == [expected, Action("done", text="Done.")]
+    assert json.loads(trajectory.steps[0].action_code) == messages[1]["tool_calls"]
+    assert trajectory.instruction == "open it"
+    assert [read_picture(s.image, "") for s in trajectory] == [png(0), png(1)]
 
 
 def test_messages_may_be_a_list_of_structs(tmp_path: Path) -> None:
@@ -249,10 +246,10 @@ def test_messages_may_be_a_list_of_structs(tmp_path: Path) -> None:
     }
     row["messages"][0]["content"][0]["index"] = 0.0
     write_table(tmp_path / "a.parquet", [row])
-    (found,), rejected = read(tmp_path)
+    (trajectory,), rejected = read(tmp_path)
     assert not rejected
-    assert [s.action.type for s in found] == ["click", "done"]
-    assert found.id == "a/000000"
+    assert [s.action.type for s in trajectory] == ["click", "done"]
+    assert trajectory.id == "a/000000"
 
 
 def test_placeholders_and_blocks_of_code(tmp_path: Path) -> None:
@@ -269,14 +266,14 @@ def test_placeholders_and_blocks_of_code(tmp_path: Path) -> None:
         {"role": "assistant", "content": "DONE"},
     ]
     write_table(tmp_path / "a.parquet", [chat(messages, id="mine")])
-    (found,), (rejected,) = read(tmp_path)
-    assert found.id == "mine"
-    assert [s.action for s in found] == [
+    (trajectory,), (rejected,) = read(tmp_path)
+    assert trajectory.id == "mine"
+    assert [s.action for s in trajectory] == [
         Action("click", 100, 50),
         Action("hotkey", keys=("enter",)),
     ]
-    assert found.steps[0].action_code == "import pyautogui\npyautogui.click(100, 50)"
-    assert found.instruction == "open it"
+    assert trajectory.steps[0].action_code == "import pyautogui\npyautogui.click(100, 50)"
+    assert trajectory.instruction == "open it"
     assert (rejected.where, rejected.field) == ("row 0", "messages[6].images")
     assert "between this action and the one before" in rejected.reason
 
@@ -337,8 +334,8 @@ def test_a_bad_chat_is_counted(messages: Any, field: str, reason: str, tmp_path:
     write_table(
         tmp_path / "a.parquet", [chat(messages), chat(cua(call("click", coordinate=[1, 1])))]
     )
-    (found,), rejected = read(tmp_path)
-    assert found.id == "a/000001"
+    (trajectory,), rejected = read(tmp_path)
+    assert trajectory.id == "a/000001"
     assert {r.where for r in rejected} == {"row 0"}
     assert rejected[0].field == field
     assert reason in rejected[0].reason
@@ -364,12 +361,12 @@ WIDE = [100.0, 20.0, 390.0, 40.0]  # no width: 100 + 390 is beyond the picture
 def test_boxes_in_fractions_and_in_pixels(bbox: list[float], tmp_path: Path) -> None:
     rows = [box(bbox)] if bbox[0] < 1 else [box(bbox), box(WIDE)]
     write_table(tmp_path / "a.parquet", rows)
-    (found, *_), rejected = read(tmp_path)
+    (trajectory, *_), rejected = read(tmp_path)
     assert not rejected
-    (step,) = found.steps
+    (step,) = trajectory.steps
     assert step.target_box == (100, 20, 200, 40)
     assert step.action == Action("click", 150, 30)
-    assert (found.id, found.instruction) == ("a/000000", "the button")
+    assert (trajectory.id, trajectory.instruction) == ("a/000000", "the button")
 
 
 @pytest.mark.parametrize(
@@ -386,8 +383,8 @@ def test_boxes_in_fractions_and_in_pixels(bbox: list[float], tmp_path: Path) -> 
 )
 def test_a_bad_box_is_counted(bbox: Any, reason: str, tmp_path: Path) -> None:
     write_table(tmp_path / "a.parquet", [box(bbox), box([0.1, 0.1, 0.2, 0.2])])
-    (found,), (rejected,) = read(tmp_path)
-    assert found.id == "a/000001"
+    (trajectory,), (rejected,) = read(tmp_path)
+    assert trajectory.id == "a/000001"
     assert (rejected.where, rejected.field) == ("row 0", "bbox")
     assert reason in rejected.reason
 

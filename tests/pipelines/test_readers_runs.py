@@ -32,7 +32,7 @@ def no_waiting(monkeypatch):
     monkeypatch.setattr("online_env.environment.episode.WAIT_S", 0.0)
 
 
-def played(
+def play_episode(
     folder: Path,
     corruption=None,
     actions=("pyautogui.click(10, 20)", "WAIT", "DONE"),
@@ -65,47 +65,51 @@ def test_steps_are_clean_screens_with_the_actions_on_the_screen(tmp_path):
         "REQUEST_REINIT",
         "DONE",
     )
-    record = played(tmp_path, VISUAL["resolution"], actions)
+    record = play_episode(tmp_path, VISUAL["resolution"], actions)
     assert detect_format(tmp_path) == "runs"
-    (found,), rejected = read(tmp_path)
+    (trajectory,), rejected = read(tmp_path)
     assert rejected == []
-    assert (found.id, found.sample, found.instruction) == (record["id"], "do-3", "Open the file")
-    assert (found.apps, found.source) == (("files",), "runs")
-    assert [step.index for step in found] == [0, 1, 2, 3]
-    assert [step.action for step in found] == [
+    assert (trajectory.id, trajectory.sample, trajectory.instruction) == (
+        record["id"],
+        "do-3",
+        "Open the file",
+    )
+    assert (trajectory.apps, trajectory.source) == (("files",), "runs")
+    assert [step.index for step in trajectory] == [0, 1, 2, 3]
+    assert [step.action for step in trajectory] == [
         Action("click", 20, 40),
         Action("type", text="a"),
         Action("other"),
         Action("done"),
     ]
-    assert [step.action_code for step in found] == [
+    assert [step.action_code for step in trajectory] == [
         "pyautogui.click(20, 40)",
         "pyautogui.write('a')",
         "REQUEST_REINIT",
         "DONE",
     ]
-    assert [Path(step.image).name for step in found] == [f"{k:04d}.png" for k in range(4)]
+    assert [Path(step.image).name for step in trajectory] == [f"{k:04d}.png" for k in range(4)]
 
 
 def test_elements_are_those_that_the_plan_was_given(tmp_path):
-    played(tmp_path, VISUAL["pop_ups"], size=SCREEN)
-    (found,), _ = read(tmp_path)
-    assert {step.elements for step in found} == {((10, 20, 110, 50), (300, 200, 380, 240))}
+    play_episode(tmp_path, VISUAL["pop_ups"], size=SCREEN)
+    (trajectory,), _ = read(tmp_path)
+    assert {step.elements for step in trajectory} == {((10, 20, 110, 50), (300, 200, 380, 240))}
 
 
 @pytest.mark.parametrize("where", ["", "episodes", "episodes/{id}", "episodes/{id}/steps.jsonl"])
 def test_a_run_an_episode_and_its_file_can_be_read(tmp_path, where):
-    record = played(tmp_path)
-    (found,), _ = read(tmp_path / where.format(**record))
-    assert len(tuple(found)) == 3
+    record = play_episode(tmp_path)
+    (trajectory,), _ = read(tmp_path / where.format(**record))
+    assert len(tuple(trajectory)) == 3
     if where != "episodes":
         assert detect_format(tmp_path / where.format(**record)) == "runs"
 
 
 def test_what_is_no_sample_is_left_out_with_the_reason(tmp_path):
-    played(tmp_path, "subtitle", ("nonsense", "DONE"), size=SCREEN)
-    played(tmp_path, Marking(0, sabotaged=True))
-    played(tmp_path, None, ("WAIT",))
+    play_episode(tmp_path, "subtitle", ("nonsense", "DONE"), size=SCREEN)
+    play_episode(tmp_path, Marking(0, sabotaged=True))
+    play_episode(tmp_path, None, ("WAIT",))
     broken = tmp_path / "episodes" / "broken"
     broken.mkdir()
     (broken / "steps.jsonl").write_text("{}\n")
@@ -124,23 +128,23 @@ def test_what_is_no_sample_is_left_out_with_the_reason(tmp_path):
 
 
 def test_screens_after_an_effect_are_not_clean(tmp_path):
-    played(tmp_path, Marking(1), ("WAIT", "WAIT", "DONE"))
-    (found,), (reason,) = read(tmp_path)
-    assert [step.index for step in found] == [0]
+    play_episode(tmp_path, Marking(1), ("WAIT", "WAIT", "DONE"))
+    (trajectory,), (reason,) = read(tmp_path)
+    assert [step.index for step in trajectory] == [0]
     assert "after test_mark show what it did" in reason
-    played(tmp_path / "other", Marking(-1), ("WAIT", "DONE"))
+    play_episode(tmp_path / "other", Marking(-1), ("WAIT", "DONE"))
     assert read(tmp_path / "other")[0] == []
 
 
 def test_a_damaged_log_is_reported_with_line_and_field(tmp_path):
-    record = played(tmp_path)
+    record = play_episode(tmp_path)
     path = tmp_path / "episodes" / record["id"] / "steps.jsonl"
     rows = [json.loads(line) for line in path.read_text().splitlines()]
     rows[0]["image"] = "../../secret.png"
     rows[1]["code"] = "pyautogui.click(9999, 20)"
     path.write_text("".join(json.dumps(row) + "\n" for row in rows) + "not json\n")
-    (found,), rejected = read(tmp_path)
-    assert [step.index for step in found] == [2]
+    (trajectory,), rejected = read(tmp_path)
+    assert [step.index for step in trajectory] == [2]
     assert ["line 1" in r or "line 2" in r or "line 5" in r for r in rejected] == [True] * 3
     assert "leaves the source folder" in rejected[0]
     assert "outside" in rejected[1]
@@ -149,7 +153,7 @@ def test_a_damaged_log_is_reported_with_line_and_field(tmp_path):
 def test_a_dataset_of_a_run_is_what_the_agents_saw(tmp_path):
     """Offline = live: the same seed gives the same plans and the same bytes."""
     for label, corruption in VISUAL.items():
-        played(tmp_path / "run", corruption, size=SCREEN, label=label)
+        play_episode(tmp_path / "run", corruption, size=SCREEN, label=label)
     live = {}
     for path in (tmp_path / "run").glob("episodes/*/steps.jsonl"):
         for line in map(json.loads, path.read_text().splitlines()):

@@ -26,8 +26,8 @@ def change(folder: Path, **values: Any) -> None:
 
 
 def mouse(kind: str, x: float | None = 100, y: float = 50, **more: Any) -> dict[str, Any]:
-    place = {} if x is None else {"mouse_position": {"width": x, "height": y}}
-    return {"action_type": "MouseAction", "mouse_action_type": kind, **place, **more}
+    fields = {} if x is None else {"mouse_position": {"width": x, "height": y}}
+    return {"action_type": "MouseAction", "mouse_action_type": kind, **fields, **more}
 
 
 def keys(kind: str, **more: Any) -> dict[str, Any]:

@@ -21,16 +21,16 @@ PHONE = "the pictures show a phone, not the screen of a desktop"
 
 def test_formats_that_show_pages_or_phones_say_so(tmp_path: Path) -> None:
     entries = {}
-    every = {**FORMATS, **SETS}
-    for name in every:
-        first, *_ = get_reader(name).read(every[name](tmp_path / name))
+    formats = {**FORMATS, **SETS}
+    for name in formats:
+        first, *_ = get_reader(name).read(formats[name](tmp_path / name))
         assert isinstance(first, Trajectory)
         entries[name] = stated_screen(first)
     desktops = ("agentnet", "grounding", "osworld", "runs", "screenagent")
     pages = dict.fromkeys(("browser_use", "guiact", "webvoyager"), "web page")
     phones = dict.fromkeys(("aitz", "android_control", "gui_odyssey"), "phone")
     remaining = {**dict.fromkeys(desktops, "desktop"), **pages, **phones}
-    assert entries == {**dict.fromkeys(every), **remaining}
+    assert entries == {**dict.fromkeys(formats), **remaining}
 
 
 @pytest.mark.parametrize(

@@ -8,27 +8,21 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from hijack_data.types import Action, Trajectory
-from pipelines.readers import Rejected, detect_format, get_reader
+from hijack_data.types import Action
+from pipelines.readers import detect_format
 from pipelines.readers.recorded_pictures import read_picture
 
 from support.formats import aitz, browser_use, guiact, png, write_json, write_table
-
-
-def read(path: Path, name: str) -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader(name).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+from support.recordings import read_source
 
 
 def change(file: Path, *keys: Any, **values: Any) -> None:
     """Change an object in a JSON file."""
     data = json.loads(file.read_text())
-    place = data
+    node = data
     for key in keys:
-        place = place[key]
-    place.update(values)
+        node = node[key]
+    node.update(values)
     write_json(file, data)
 
 
@@ -58,9 +52,9 @@ def change(file: Path, *keys: Any, **values: Any) -> None:
 def test_actions_of_aitz(step: dict[str, Any], expected: Action, tmp_path: Path) -> None:
     aitz(tmp_path)
     change(tmp_path / "GENERAL-1/GENERAL-1.json", 0, **step)
-    (found,), rejected = read(tmp_path, "aitz")
+    (trajectory,), rejected = read_source(tmp_path, "aitz")
     assert not rejected
-    assert found.steps[0].action == expected
+    assert trajectory.steps[0].action == expected
 
 
 @pytest.mark.parametrize(
@@ -74,9 +68,9 @@ def test_actions_of_aitz(step: dict[str, Any], expected: Action, tmp_path: Path)
 def test_what_aitz_does_not_have(step: dict[str, Any], reason: str, tmp_path: Path) -> None:
     aitz(tmp_path)
     change(tmp_path / "GENERAL-1/GENERAL-1.json", 0, **step)
-    (found,), (rejected,) = read(tmp_path, "aitz")
+    (trajectory,), (rejected,) = read_source(tmp_path, "aitz")
     assert reason in rejected.reason
-    assert len(found.steps) == 1
+    assert len(trajectory.steps) == 1
 
 
 @pytest.mark.parametrize(
@@ -117,18 +111,18 @@ def test_what_aitz_does_not_have(step: dict[str, Any], reason: str, tmp_path: Pa
 def test_actions_of_guiact(label: Any, expected: Action, box: Any, tmp_path: Path) -> None:
     guiact(tmp_path)
     change(tmp_path / "web-multi_test_data.json", 0, actions_label=label)
-    (found,), rejected = read(tmp_path, "guiact")
+    (trajectory,), rejected = read_source(tmp_path, "guiact")
     assert not rejected
-    assert (found.steps[0].action, found.steps[0].target_box) == (expected, box)
+    assert (trajectory.steps[0].action, trajectory.steps[0].target_box) == (expected, box)
 
 
 def test_typing_into_an_element_of_guiact_is_a_click_and_the_text(tmp_path: Path) -> None:
     guiact(tmp_path)
     label = {"name": "input", "text": "it's", "point": {"related": "<point>0.25, 0.25</point>"}}
     change(tmp_path / "web-multi_test_data.json", 0, actions_label=[label])
-    (found,), _ = read(tmp_path, "guiact")
-    assert found.steps[0].action == Action("click", 100, 50)
-    assert found.steps[0].action_code == 'pyautogui.click(100, 50)\npyautogui.write("it\'s")'
+    (trajectory,), _ = read_source(tmp_path, "guiact")
+    assert trajectory.steps[0].action == Action("click", 100, 50)
+    assert trajectory.steps[0].action_code == 'pyautogui.click(100, 50)\npyautogui.write("it\'s")'
 
 
 @pytest.mark.parametrize(
@@ -157,9 +151,9 @@ def test_typing_into_an_element_of_guiact_is_a_click_and_the_text(tmp_path: Path
 def test_what_guiact_does_not_say(change_of: Any, reason: str, tmp_path: Path) -> None:
     guiact(tmp_path)
     change(tmp_path / "web-multi_test_data.json", 0, **change_of)
-    (found,), (rejected,) = read(tmp_path, "guiact")
+    (trajectory,), (rejected,) = read_source(tmp_path, "guiact")
     assert reason in rejected.reason
-    assert len(found.steps) == 1
+    assert len(trajectory.steps) == 1
 
 
 def test_rows_of_guiact_that_are_no_episode_are_one_each(tmp_path: Path) -> None:
@@ -167,7 +161,7 @@ def test_rows_of_guiact_that_are_no_episode_are_one_each(tmp_path: Path) -> None
     file = tmp_path / "web-multi_test_data.json"
     change(file, 0, uid="uid_image_a_qa_01")
     change(file, 1, uid="uid_image_a_qa_02", question="another")
-    value, rejected = read(tmp_path, "guiact")
+    value, rejected = read_source(tmp_path, "guiact")
     assert not rejected
     assert [(t.id, t.instruction) for t in value] == [
         ("uid_image_a_qa_01", "do it"),
@@ -190,9 +184,9 @@ def test_rows_of_guiact_that_are_no_episode_are_one_each(tmp_path: Path) -> None
 def test_actions_of_browser_use(action: Any, expected: Action, tmp_path: Path) -> None:
     browser_use(tmp_path)
     change(tmp_path / "run.json", "history", 0, "model_output", action=[action, {"wait": {}}])
-    (found,), rejected = read(tmp_path, "browser_use")
+    (trajectory,), rejected = read_source(tmp_path, "browser_use")
     assert not rejected
-    assert found.steps[0].action == expected
+    assert trajectory.steps[0].action == expected
 
 
 def test_pictures_of_browser_use(tmp_path: Path) -> None:
@@ -202,13 +196,13 @@ def test_pictures_of_browser_use(tmp_path: Path) -> None:
     change(file, "history", 0, "state", screenshot=text)
     change(file, "history", 1, "state", screenshot_path="C:\\x\\gone.png")
     (tmp_path / "task.json").unlink()
-    (found,), (lost, untold) = read(tmp_path, "browser_use")
-    assert [read_picture(s.image, "") for s in found] == [png(5)]
-    assert "'gone.png' is neither beside the history nor in screenshots/" in lost.reason
-    assert (untold.field, found.instruction) == ("instruction", "")
+    (trajectory,), (rejected_step, untold) = read_source(tmp_path, "browser_use")
+    assert [read_picture(s.image, "") for s in trajectory] == [png(5)]
+    assert "'gone.png' is neither beside the history nor in screenshots/" in rejected_step.reason
+    assert (untold.field, trajectory.instruction) == ("instruction", "")
     Image.new("RGB", (4, 4)).save(tmp_path / "step_2.png")
     change(file, "history", 1, "state", screenshot_path="step_2.png")
-    assert "no page was open" in read(tmp_path, "browser_use")[1][0].reason
+    assert "no page was open" in read_source(tmp_path, "browser_use")[1][0].reason
 
 
 def lerobot(folder: Path, **features: Any) -> Path:
@@ -248,13 +242,13 @@ def lerobot(folder: Path, **features: Any) -> Path:
 def test_lerobot(tmp_path: Path) -> None:
     lerobot(tmp_path / "set")
     assert detect_format(tmp_path) == "lerobot"
-    (one, two), (rejected,) = read(tmp_path, "lerobot")
-    assert [(t.id, t.instruction, len(t.steps)) for t in (one, two)] == [
+    (first, two), (rejected,) = read_source(tmp_path, "lerobot")
+    assert [(t.id, t.instruction, len(t.steps)) for t in (first, two)] == [
         ("set/000000", "a", 2),
         ("set/000001", "b", 2),
     ]
     assert [s.index for s in two] == [0, 2]
-    assert one.steps[0].action == Action("click", 100, 50)
+    assert first.steps[0].action == Action("click", 100, 50)
     assert [read_picture(s.image, "") for s in two] == [png(10), png(12)]
     assert "fraction" in rejected.reason
 
@@ -272,9 +266,9 @@ def test_lerobot(tmp_path: Path) -> None:
 )
 def test_lerobot_sets_that_are_refused(features: Any, reason: str, tmp_path: Path) -> None:
     lerobot(tmp_path / "set", **features)
-    value, (rejected,) = read(tmp_path, "lerobot")
+    value, (rejected,) = read_source(tmp_path, "lerobot")
     assert not value
     assert reason in rejected.reason
     change(tmp_path / "set/meta/info.json", codebase_version="v2.1")
-    _, (rejected,) = read(tmp_path, "lerobot")
+    _, (rejected,) = read_source(tmp_path, "lerobot")
     assert "convert the set to v3.0" in rejected.reason

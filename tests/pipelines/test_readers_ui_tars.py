@@ -1,21 +1,18 @@
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from hijack_data.types import Action, Trajectory
+from hijack_data.types import Action
 from pipelines.errors import SourceError
-from pipelines.readers import Rejected, detect_format, get_reader
+from pipelines.readers import detect_format
 
 from support.formats import png, ui_tars, ui_tars_15, url, write_json, write_lines
+from support.recordings import read_source
 
-
-def read(path: Path, name: str = "ui_tars") -> tuple[list[Trajectory], list[Rejected]]:
-    items = list(get_reader(name).read(path))
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+read = partial(read_source, name="ui_tars")
 
 
 def lines(folder: Path) -> list[Any]:
@@ -24,7 +21,8 @@ def lines(folder: Path) -> list[Any]:
 
 def test_thousandths_and_pixels_of_the_resized_picture_are_the_same_point(tmp_path: Path) -> None:
     (thousand,), _ = read(ui_tars(tmp_path / "a"))
-    (pixels,), _ = read(ui_tars_15(tmp_path / "b"), "ui_tars_1.5")  # 98 * 400 / 392, 49 * 200 / 196
+    # 98 * 400 / 392, 49 * 200 / 196
+    (pixels,), _ = read(ui_tars_15(tmp_path / "b"), name="ui_tars_1.5")
     assert thousand.steps[0].action == pixels.steps[0].action == Action("click", 100, 50)
     assert thousand.instruction == "do it"
     assert thousand.steps[1].action == Action("done", text="it is")
@@ -46,7 +44,7 @@ def test_a_full_screen_by_hand(tmp_path: Path) -> None:
         {"role": "assistant", "content": "Action: click(point='<point>966 546</point>')"},
     ]
     write_json(tmp_path / "a.json", options)
-    (trajectory,), rejected = read(tmp_path, "ui_tars_1.5")
+    (trajectory,), rejected = read(tmp_path, name="ui_tars_1.5")
     assert not rejected
     assert trajectory.steps[0].action == Action("click", 960, 540)
     (trajectory,), _ = read(tmp_path)

@@ -39,7 +39,7 @@ CASES = {
 }
 
 
-def played(folder: Path, *labels: str) -> list[Path]:
+def play_episodes(folder: Path, *labels: str) -> list[Path]:
     """Episodes under `folder`; returns their folders."""
     env = CorruptedEnv(FakeStage(FakeDesktop((720, 1280))), settle=AT_ONCE, log=folder)
     items = []
@@ -60,7 +60,7 @@ def edit(folder: Path, step: int, /, **changes) -> None:
 
 
 def test_everything_is_made_again_byte_for_byte(tmp_path):
-    played(tmp_path, *CASES)
+    play_episodes(tmp_path, *CASES)
     report = rebuild(tmp_path)
     assert report.problems == []
     assert (report.episodes, report.steps, report.exit_code) == (len(CASES), 4 * len(CASES), 0)
@@ -69,7 +69,7 @@ def test_everything_is_made_again_byte_for_byte(tmp_path):
 
 
 def test_one_episode_can_be_checked_alone(tmp_path):
-    (folder,) = played(tmp_path, "marks")
+    (folder,) = play_episodes(tmp_path, "marks")
     assert (rebuild(folder).episodes, rebuild(folder).steps) == (1, 4)
 
 
@@ -89,7 +89,7 @@ def test_one_episode_can_be_checked_alone(tmp_path):
     ],
 )
 def test_whatever_differs_is_named_with_file_and_step(tmp_path, change, words):
-    folder, _ = played(tmp_path, "marks", "pop_ups")
+    folder, _ = play_episodes(tmp_path, "marks", "pop_ups")
     edit(folder, 1, **change)
     report = rebuild(tmp_path)
     assert report.exit_code == 1
@@ -100,11 +100,11 @@ def test_whatever_differs_is_named_with_file_and_step(tmp_path, change, words):
 
 
 def test_a_changed_picture_is_found(tmp_path):
-    folder, second = played(tmp_path, "marks", "clean")
-    for place, name in ((folder, "0000.png"), (folder, "0001.seen.png"), (second, "0002.png")):
-        picture = np.array(Image.open(place / "frames" / name))
+    folder, second = play_episodes(tmp_path, "marks", "clean")
+    for path, name in ((folder, "0000.png"), (folder, "0001.seen.png"), (second, "0002.png")):
+        picture = np.array(Image.open(path / "frames" / name))
         picture[700, 3] ^= 1
-        Image.fromarray(picture).save(place / "frames" / name)
+        Image.fromarray(picture).save(path / "frames" / name)
     result = "\n".join(rebuild(tmp_path).problems)
     assert "step 0: frames/0000.png: disturbed again it is not" in result
     assert "step 1: frames/0001.seen.png: is not" in result
@@ -115,7 +115,7 @@ def test_a_changed_picture_is_found(tmp_path):
 
 
 def test_a_changed_record_is_found(tmp_path):
-    (folder,) = played(tmp_path, "marks")
+    (folder,) = play_episodes(tmp_path, "marks")
     record = json.loads((folder / "episode.json").read_text())
     for change, words in (
         ({"seed": 1}, "planned again"),
@@ -127,7 +127,7 @@ def test_a_changed_record_is_found(tmp_path):
 
 
 def test_unfinished_episodes_are_counted_and_left_alone(tmp_path):
-    folder, _ = played(tmp_path, "marks", "clean")
+    folder, _ = play_episodes(tmp_path, "marks", "clean")
     (folder / "episode.json").unlink()
     report = rebuild(tmp_path)
     assert (report.ok, report.episodes, report.unfinished) == (True, 1, 1)
@@ -151,14 +151,14 @@ def test_a_run_published_without_steps_is_verified_as_far_as_its_records_go(tmp_
     records = tmp_path / "run" / "records.jsonl"
     lines = records.read_text().splitlines(keepends=True)
     records.write_text("".join([lines[0].replace('"seconds": ', '"seconds": 1'), *lines[1:]]))
-    changed = CliRunner().invoke(hijack, ["verify", str(tmp_path)])
-    assert (changed.exit_code, "does not follow on line 1" in changed.output) == (1, True)
+    verification = CliRunner().invoke(hijack, ["verify", str(tmp_path)])
+    assert (verification.exit_code, "does not follow on line 1" in verification.output) == (1, True)
     with pytest.raises(SourceError, match="is a run without the folder episodes"):
         survey(tmp_path / "run")
 
 
 def test_hijack_verify_checks_runs_too(tmp_path):
-    folder, _ = played(tmp_path, "marks", "clean")
+    folder, _ = play_episodes(tmp_path, "marks", "clean")
     run = CliRunner().invoke(hijack, ["verify", str(tmp_path)])
     assert (run.exit_code, "2 episodes, 8 observations, 4 of them disturbed" in run.output) == (
         0,

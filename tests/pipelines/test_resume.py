@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +22,7 @@ from pipelines import build, open_dataset, verify
 from pipelines.building import output_folder, shards
 from pipelines.errors import BuildError, DatasetError
 
+from support.dataset_files import file_contents
 from support.killing import Killer, killer
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -47,10 +49,8 @@ def planners() -> dict[str, Any]:
     return {"marks": hj.Marks(number=4, mark_size=8), "half": hj.Resolution()}
 
 
-def contents(out: Path) -> dict[str, bytes]:
-    """All files of a dataset but the card, which names its own folder."""
-    files = sorted(p for p in out.rglob("*") if p.is_file() and p.name != "README.md")
-    return {str(p.relative_to(out)): p.read_bytes() for p in files}
+# The card names its own folder.
+contents = partial(file_contents, without="README.md")
 
 
 def start(source: Path, out: Path, workers: int, resume: str) -> "subprocess.Popen[str]":
@@ -132,8 +132,8 @@ class Case:
 
     def build(self, out: Path, **more: Any) -> None:
         planners = {
-            label: hj.make_corruption(name, **given)
-            for label, (name, given) in self.options["corruptions"].items()
+            label: hj.make_corruption(name, **parameters)
+            for label, (name, parameters) in self.options["corruptions"].items()
         }
         build(self.source, out, **{**self.options, "corruptions": planners, **more})
 

@@ -82,23 +82,23 @@ def pairs(dataset: Path) -> list[tuple[int, dict[str, Any]]]:
 def test_torch_rows_equal_the_rows_of_a_build(dataset: Path) -> None:
     data, result = TorchDataset(dataset), pairs(dataset)
     assert len(result) == 7 * 3
-    for number, built in result:
-        value = tr.Replay(built["plan"])(data[number])
-        same(value, built)
-        assert value["boxes"].tolist() == ([built["target_box"]] if built["target_box"] else [])
-        if built["corruption"] == "resolution":
-            same(tr.Resolution(scale=0.5, seed=SEED)(data[number]), built)
+    for number, row in result:
+        value = tr.Replay(row["plan"])(data[number])
+        same(value, row)
+        assert value["boxes"].tolist() == ([row["target_box"]] if row["target_box"] else [])
+        if row["corruption"] == "resolution":
+            same(tr.Resolution(scale=0.5, seed=SEED)(data[number]), row)
 
 
 def test_rows_of_pictures_and_batches_do_so_too(dataset: Path) -> None:
     rows, result = open_dataset(dataset), pairs(dataset)
-    for number, built in result:
-        same(tr.Replay(built["plan"])(rows[number]), built)
-    halves = [(number, built) for number, built in result if built["corruption"] == "resolution"]
+    for number, row in result:
+        same(tr.Replay(row["plan"])(rows[number]), row)
+    halves = [(number, row) for number, row in result if row["corruption"] == "resolution"]
     data = TorchDataset(dataset)
     batch = tr.Resolution(scale=0.5, seed=SEED)(collate([data[number] for number, _ in halves]))
-    for i, (_, built) in enumerate(halves):
-        same({key: batch[key][i] for key in built}, built)
+    for i, (_, row) in enumerate(halves):
+        same({key: batch[key][i] for key in row}, row)
 
 
 def test_grain_rows_do_so_too(dataset: Path) -> None:
@@ -106,9 +106,9 @@ def test_grain_rows_do_so_too(dataset: Path) -> None:
     from pipelines.loaders.grain import GrainSource
 
     source = GrainSource(dataset)
-    for number, built in pairs(dataset):
-        if built["corruption"] == "resolution":
-            same(hg.Corrupt(hj.Resolution(scale=0.5), seed=SEED).map(source[number]), built)
+    for number, row in pairs(dataset):
+        if row["corruption"] == "resolution":
+            same(hg.Corrupt(hj.Resolution(scale=0.5), seed=SEED).map(source[number]), row)
 
 
 def test_rows_of_datasets_do_so_too(
@@ -116,18 +116,20 @@ def test_rows_of_datasets_do_so_too(
 ) -> None:
     datasets = pytest.importorskip("datasets")
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
-    loaded = datasets.load_dataset(str(dataset), split="train", cache_dir=str(tmp_path / "cache"))
+    dataset_rows = datasets.load_dataset(
+        str(dataset), split="train", cache_dir=str(tmp_path / "cache")
+    )
     half = tr.Resolution(scale=0.5, seed=SEED)
     half.set_epoch(0)
-    if "base_screenshot" in loaded.features:
+    if "base_screenshot" in dataset_rows.features:
         with pytest.raises(LabelError, match=r"lazy row.*pipelines\.render"):
-            loaded.with_transform(half)[0]
+            dataset_rows.with_transform(half)[0]
         return
-    for number, built in pairs(dataset):
-        if built["corruption"] == "resolution":
-            same(loaded.with_transform(half)[number], built)
-            mapped = loaded.select([number]).map(half)[0]
-            same(mapped, {**built, "screenshot": mapped["screenshot"]})
+    for number, row in pairs(dataset):
+        if row["corruption"] == "resolution":
+            same(dataset_rows.with_transform(half)[number], row)
+            mapped = dataset_rows.select([number]).map(half)[0]
+            same(mapped, {**row, "screenshot": mapped["screenshot"]})
 
 
 def test_a_row_that_is_corrupted_already_says_both(dataset: Path) -> None:
@@ -139,15 +141,15 @@ def test_a_row_that_is_corrupted_already_says_both(dataset: Path) -> None:
         if row["corruption"] != "marks" or row["target_box"] is None:
             continue
         out = tr.Resolution(scale=0.5, seed=9)(row)
-        whole = Plan.from_json(out["plan"])
+        plan = Plan.from_json(out["plan"])
         assert out["corruption"] == "marks+resolution"
         assert out["id"] == f"{row['trajectory_id']}/{row['step']:04d}/marks+resolution"
-        assert whole.digest() == out["plan_digest"]
+        assert plan.digest() == out["plan_digest"]
         assert (out["seed"], out["severity"]) == (9, None)
         end = row["action"]["x2"], row["action"]["y2"]
         box = clean[row["trajectory_id"]]["target_box"]
         calls = hj.judge(
-            whole,
+            plan,
             data[0]["screenshot"],
             out["screenshot"],
             target=box,
@@ -169,7 +171,9 @@ def test_a_clean_plan_changes_nothing(dataset: Path) -> None:
 
 
 def test_a_row_without_some_columns_keeps_the_others_true(dataset: Path) -> None:
-    number, built = next((n, row) for n, row in pairs(dataset) if row["corruption"] == "resolution")
+    number, built_row = next(
+        (n, row) for n, row in pairs(dataset) if row["corruption"] == "resolution"
+    )
     row = TorchDataset(dataset)[number]
     few = {
         key: row[key]
@@ -177,7 +181,7 @@ def test_a_row_without_some_columns_keeps_the_others_true(dataset: Path) -> None
     }
     out = tr.Resolution(scale=0.5, seed=SEED)(few)
     assert {key: out[key] for key in few if key != "screenshot"} == {
-        key: built[key] if key != "id" else row["id"] for key in few if key != "screenshot"
+        key: built_row[key] if key != "id" else row["id"] for key in few if key != "screenshot"
     }
     no_plan = {key: value for key, value in row.items() if key != "plan"}
     corrupted = {**no_plan, "corruption": "marks"}

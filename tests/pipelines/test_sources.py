@@ -2,7 +2,6 @@
 be opened."""
 
 import gzip
-import hashlib
 import json
 import os
 import re
@@ -17,29 +16,20 @@ import pytest
 import hijack_data as hj
 from hijack_data.file_io import write_atomic
 from hijack_data.picture_io import encode_png
-from hijack_data.types import Trajectory
 from pipelines import build, open_dataset, verify
 from pipelines.errors import BuildError, SourceError
 from pipelines.readers import Rejected, survey
 from pipelines.sources import Sources, public_name
 
+from support.dataset_files import shard_hashes
 from support.formats import FORMATS
+from support.recordings import separate_rejected
 
 HALF = {"half": hj.Resolution(scale=0.5)}
 
 
-def shards(out: Path) -> dict[str, str]:
-    return {
-        file.name: hashlib.sha256(file.read_bytes()).hexdigest()
-        for file in sorted((out / "data").iterdir())
-    }
-
-
-def read(*paths: Path) -> tuple[list[Trajectory], list[Rejected]]:
-    items = [read.item for read in Sources.open(list(paths)).read()]
-    return [i for i in items if isinstance(i, Trajectory)], [
-        i for i in items if isinstance(i, Rejected)
-    ]
+def read(*paths: Path) -> tuple[list[Any], list[Rejected]]:
+    return separate_rejected(read.item for read in Sources.open(list(paths)).read())
 
 
 @pytest.fixture
@@ -80,14 +70,20 @@ def test_a_mixed_folder_gives_the_same_bytes_wherever_it_lies_and_however_it_is_
 ) -> None:
     build(mixed, tmp_path / "one", corruptions=HALF, rows_per_shard=6)
     build(mixed, tmp_path / "two", corruptions=HALF, rows_per_shard=6, workers=2)
-    moved = tmp_path / "elsewhere" / "other"
-    moved.parent.mkdir()
-    mixed.rename(moved)
-    build(moved, tmp_path / "three", corruptions=HALF, rows_per_shard=6)
+    moved_folder = tmp_path / "elsewhere" / "other"
+    moved_folder.parent.mkdir()
+    mixed.rename(moved_folder)
+    build(moved_folder, tmp_path / "three", corruptions=HALF, rows_per_shard=6)
     (tmp_path / "three" / "data" / "train-00001.parquet").unlink()
-    report = build(moved, tmp_path / "three", corruptions=HALF, rows_per_shard=6, resume=True)
+    report = build(
+        moved_folder, tmp_path / "three", corruptions=HALF, rows_per_shard=6, resume=True
+    )
     assert report.kept == report.shards - 1
-    assert shards(tmp_path / "one") == shards(tmp_path / "two") == shards(tmp_path / "three")
+    assert (
+        shard_hashes(tmp_path / "one")
+        == shard_hashes(tmp_path / "two")
+        == shard_hashes(tmp_path / "three")
+    )
 
 
 @pytest.mark.parametrize("name", sorted(FORMATS))
@@ -241,7 +237,7 @@ def test_two_files_of_the_plain_format_below_each_other(recording: Any, tmp_path
 
 
 @pytest.fixture
-def closed(recording: Any, tmp_path: Path) -> Path:
+def unreadable_folder(recording: Any, tmp_path: Path) -> Path:
     """A recording beside what must not be opened: reading any of it never ends, or leads
     outside."""
     folder = recording()
@@ -262,8 +258,10 @@ def closed(recording: Any, tmp_path: Path) -> Path:
     return folder
 
 
-def test_only_regular_files_inside_the_source_are_opened(closed: Path, tmp_path: Path) -> None:
-    trajectories, rejected = read(closed)
+def test_only_regular_files_inside_the_source_are_opened(
+    unreadable_folder: Path, tmp_path: Path
+) -> None:
+    trajectories, rejected = read(unreadable_folder)
     assert len(trajectories) == 2
     reasons = {r.file: r.reason for r in rejected}
     assert len(reasons) == len(rejected) == 9
@@ -271,9 +269,9 @@ def test_only_regular_files_inside_the_source_are_opened(closed: Path, tmp_path:
     assert "leaves the source" in reasons["out.jsonl"]
     assert "cannot be opened" in reasons["loop.jsonl"]
     assert sum("not a regular file" in reason for reason in reasons.values()) == 6
-    (closed / "trajectories.jsonl").unlink()
+    (unreadable_folder / "trajectories.jsonl").unlink()
     with pytest.raises(SourceError, match="not a recording of a known format"):
-        survey(closed)
+        survey(unreadable_folder)
 
 
 @pytest.fixture
@@ -382,10 +380,10 @@ def test_the_real_folders_are_read_whole(shared_data: Path) -> None:
 
 
 def test_a_dataset_that_was_built_is_no_source(recording: Any, tmp_path: Path) -> None:
-    built = tmp_path / "built"
+    out = tmp_path / "built"
     source = recording(trajectories=1, steps=1)
-    build(source, built, corruptions=HALF, seed=1)
-    for sources in ([built], [source, built]):
+    build(source, out, corruptions=HALF, seed=1)
+    for sources in ([out], [source, out]):
         with pytest.raises(SourceError, match="built: is a dataset that hijack build wrote"):
             build(sources, tmp_path / "again", corruptions=HALF, seed=1)
     assert not (tmp_path / "again").exists()
@@ -395,9 +393,9 @@ def test_a_dataset_that_was_built_is_no_source(recording: Any, tmp_path: Path) -
 def test_a_dataset_that_cannot_be_read_is_no_source(
     recording: Any, tmp_path: Path, state: str
 ) -> None:
-    built = tmp_path / "built"
-    build(recording(trajectories=1, steps=1), built, corruptions=HALF, seed=1)
-    manifest = built / "manifest.json"
+    out = tmp_path / "built"
+    build(recording(trajectories=1, steps=1), out, corruptions=HALF, seed=1)
+    manifest = out / "manifest.json"
     text = manifest.read_text()
     if state == "newer":
         manifest.write_text(text.replace('"version": 1', '"version": 9', 1))
@@ -405,10 +403,10 @@ def test_a_dataset_that_cannot_be_read_is_no_source(
         manifest.write_text(text[: len(text) // 2])
     if state == "unfinished":
         manifest.unlink()
-        (built / ".build").mkdir()
-        (built / ".build" / "parameters.json").write_text("{}")
+        (out / ".build").mkdir()
+        (out / ".build" / "parameters.json").write_text("{}")
     with pytest.raises(SourceError, match="built: is a dataset that hijack build wrote"):
-        build(built, tmp_path / "again", corruptions=HALF, seed=1)
+        build(out, tmp_path / "again", corruptions=HALF, seed=1)
 
 
 def test_a_manifest_of_another_program_is_no_dataset_of_ours(

@@ -60,20 +60,22 @@ def test_figures_are_those_of_the_rows(dataset: Path) -> None:
     )
     assert result.bytes == sum(file.stat().st_size for file in (dataset / "data").iterdir())
     for label, data in result.labels.items():
-        mine = [row for row in rows if row["corruption"] == label]
-        shares = [row["target_visible"] for row in mine if row["target_visible"] is not None]
+        label_rows = [row for row in rows if row["corruption"] == label]
+        shares = [row["target_visible"] for row in label_rows if row["target_visible"] is not None]
         figures = data.to_data()
-        assert figures["rows"] == len(mine)
+        assert figures["rows"] == len(label_rows)
         assert figures["target_visible"]["all of it"] == shares.count(1.0)
         assert figures["target_visible"]["none"] == shares.count(0.0)
         assert sum(figures["target_visible"].values()) == len(shares)
-        assert figures["without_target"] == len(mine) - len(shares)
-        changed = sorted(row["changed_pixels"] / (row["width"] * row["height"]) for row in mine)
-        if mine:
-            assert figures["fidelity"] == {"exact": len(mine)}
-            assert figures["source"] == {"jsonl": len(mine)}
+        assert figures["without_target"] == len(label_rows) - len(shares)
+        changed_shares = sorted(
+            row["changed_pixels"] / (row["width"] * row["height"]) for row in label_rows
+        )
+        if label_rows:
+            assert figures["fidelity"] == {"exact": len(label_rows)}
+            assert figures["source"] == {"jsonl": len(label_rows)}
             assert (figures["changed"]["min"], figures["changed"]["max"]) == pytest.approx(
-                (changed[0], changed[-1])
+                (changed_shares[0], changed_shares[-1])
             )
     cover = result.labels["cover"].to_data()["target_visible"]
     assert (cover["none"], cover["50 to 75 %"]) == (1, 1)

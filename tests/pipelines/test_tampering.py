@@ -300,10 +300,10 @@ def test_signing_says_that_the_seal_cannot_be_replaced(run, keys):
 
 
 def test_who_writes_all_hashes_anew_is_found_by_the_signature_alone(run, keys):
-    mine, second = keys
-    result = command("sign", run, "--key", mine)
+    first_key, second = keys
+    result = command("sign", run, "--key", first_key)
     assert (result.exit_code, "signed by SHA256:" in result.output) == (0, True), result.output
-    assert command("verify", run, "--key", f"{mine}.pub").exit_code == 0
+    assert command("verify", run, "--key", f"{first_key}.pub").exit_code == 0
     assert rebuild(run).signer.startswith("SHA256:")
     assert command("verify", run, "--key", f"{second}.pub").exit_code == 1
     both(score=1.0)(run)
@@ -311,38 +311,40 @@ def test_who_writes_all_hashes_anew_is_found_by_the_signature_alone(run, keys):
     (run / "seal.json").rename(run.parent / "kept")
     (run / "seal.json.sig").rename(run.parent / "kept.sig")
     assert rebuild(run).problems == [], "without a secret nobody can tell"
-    assert rebuild(run, f"{mine}.pub").problems == ["seal.json: is missing: the run is not signed"]
+    assert rebuild(run, f"{first_key}.pub").problems == [
+        "seal.json: is missing: the run is not signed"
+    ]
     (run.parent / "kept").rename(run / "seal.json")
     (run.parent / "kept.sig").rename(run / "seal.json.sig")
     assert rebuild(run).problems == ["seal.json: the run is not what was sealed"]
     seal.sign(run, str(second))
     assert rebuild(run).problems == [], "signed, by whoever"
-    assert "is not a signature" in rebuild(run, f"{mine}.pub").problems[0]
+    assert "is not a signature" in rebuild(run, f"{first_key}.pub").problems[0]
 
 
 def test_an_edited_seal_is_no_longer_signed(run, keys):
-    mine, _ = keys
-    seal.sign(run, str(mine))
+    first_key, _ = keys
+    seal.sign(run, str(first_key))
     both(score=1.0)(run)
     chained_anew(run)
     (run / "seal.json").write_text(json.dumps(seal.contents(run)))
     assert rebuild(run).problems == ["seal.json.sig: is not a signature of seal.json"]
-    assert "is not a signature" in rebuild(run, f"{mine}.pub").problems[0]
+    assert "is not a signature" in rebuild(run, f"{first_key}.pub").problems[0]
     (run / "seal.json.sig").unlink()
     assert rebuild(run).problems == ["seal.json.sig: is missing"]
 
 
 def test_what_is_not_whole_is_not_signed(run, keys, tmp_path):
-    mine, _ = keys
+    first_key, _ = keys
     both(score=1.0)(run)
-    result = command("sign", run, "--key", mine)
+    result = command("sign", run, "--key", first_key)
     assert (result.exit_code, (run / "seal.json").exists()) == (1, False)
-    for key in (tmp_path / "none", f"{mine}.pub.none"):
+    for key in (tmp_path / "none", f"{first_key}.pub.none"):
         with pytest.raises(seal.SealError, match="ssh-keygen -t ed25519"):
             seal.check_key(str(key))
-    seal.sign(run, str(mine))
+    seal.sign(run, str(first_key))
     with pytest.raises(seal.SealError, match=r"ends in \.pub"):
-        rebuild(run, str(mine))
+        rebuild(run, str(first_key))
 
 
 @pytest.mark.parametrize("name", ["records.jsonl", f"episodes/{MARKS}/steps.jsonl"])

@@ -18,6 +18,8 @@ import hijack_data as hj
 import pipelines.building.step_rows
 from pipelines import build, verify
 
+from support.dataset_files import file_contents
+
 ROOT = Path(__file__).resolve().parents[2]
 CONFIG = "corruptions:\n  - marks: {number: 4, mark_size: 8}\n  - resolution: {scale: 0.5}\n"
 COMMAND = [sys.executable, "-m", "hijack_data.cli", "build"]
@@ -27,14 +29,6 @@ resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]), resource.RLIM_INFIN
 from hijack_data.cli import main
 main(sys.argv[2:])
 """
-
-
-def contents(out: Path) -> dict[str, bytes]:
-    return {
-        str(file.relative_to(out)): file.read_bytes()
-        for file in sorted(out.rglob("*"))
-        if file.is_file()
-    }
 
 
 @pytest.fixture
@@ -49,10 +43,10 @@ def whole(recording: Any, config: Path, tmp_path: Path) -> tuple[Path, dict[str,
     """A source, and the data that an undisturbed build makes of it."""
     source = recording(trajectories=8, steps=4)
     build(source, tmp_path / "whole", config=config)
-    return source, contents(tmp_path / "whole" / "data")
+    return source, file_contents(tmp_path / "whole" / "data")
 
 
-def rest(out: Path) -> set[str]:
+def temporary_files(out: Path) -> set[str]:
     """Temporary files that were left behind."""
     return {file.name for file in out.rglob("*") if file.name.endswith(".tmp")}
 
@@ -60,7 +54,7 @@ def rest(out: Path) -> set[str]:
 def resumed(source: Path, out: Path, config: Path) -> dict[str, bytes]:
     build(source, out, config=config, resume=True)
     assert verify(out).ok
-    return contents(out / "data")
+    return file_contents(out / "data")
 
 
 def test_files_that_may_not_grow(whole: Any, config: Path, tmp_path: Path) -> None:
@@ -108,8 +102,8 @@ def test_a_disk_that_is_full(small_disk: Path, whole: Any, config: Path) -> None
     assert process.returncode == 3
     assert "No space left on device" in process.stderr
     assert "Traceback" not in process.stderr
-    assert rest(out) == set()
-    assert contents(out / "data").items() <= data.items()
+    assert temporary_files(out) == set()
+    assert file_contents(out / "data").items() <= data.items()
     subprocess.run(["mount", "-o", "remount,size=50m", small_disk], check=True)
     assert resumed(source, out, config) == data
 
@@ -196,11 +190,11 @@ def test_ctrl_c(workers: int, whole: Any, config: Path, tmp_path: Path) -> None:
     assert process.returncode == 130, errors
     assert "the same command with --resume goes on" in errors
     assert "Traceback" not in errors
-    assert rest(out) == set()
+    assert temporary_files(out) == set()
     assert 1 <= len(list((out / "data").iterdir())) < 8
     report = build(source, out, **options, resume=True)
     assert report.kept >= 1
-    assert contents(out / "data") == contents(tmp_path / "cut" / "data")
+    assert file_contents(out / "data") == file_contents(tmp_path / "cut" / "data")
 
 
 def test_several_corruptions_of_one_screenshot_decode_it_once(

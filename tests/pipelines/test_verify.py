@@ -65,10 +65,10 @@ def test_a_row_that_is_missing(dataset: Path) -> None:
 
 def other_plan(rows: list[dict[str, Any]]) -> None:
     plan = hj.Plan.from_json(rows[3]["plan"])
-    moved = hj.Plan(
+    moved_plan = hj.Plan(
         plan.corruption, plan.size, plan.params, (hj.plugin.Paste(plan.ops[0].sprite, ((1, 1),)),)
     )  # type: ignore[union-attr]
-    rows[3].update(plan=moved.to_json(), plan_digest=moved.digest())
+    rows[3].update(plan=moved_plan.to_json(), plan_digest=moved_plan.digest())
 
 
 def edited_plan(rows: list[dict[str, Any]]) -> None:

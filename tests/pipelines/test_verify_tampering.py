@@ -98,7 +98,7 @@ def sets(name: str, **values: Any) -> Callable[[Rows], object]:
     return lambda rows: at(rows, name).update(values)
 
 
-def every(**values: Any) -> Callable[[Rows], object]:
+def update_all(**values: Any) -> Callable[[Rows], object]:
     """Change all rows of the first trajectory alike."""
     return lambda rows: [row.update(values) for row in rows if row["trajectory_id"] == "t0"]
 
@@ -211,8 +211,8 @@ def test_a_plan_of_another_seed(built: Built, tmp_path: Path) -> None:
 
 
 SOURCED: dict[str, Callable[[Rows], object]] = {
-    "instruction of a trajectory": every(instruction="do evil"),
-    "domain of a trajectory": every(domain="games"),
+    "instruction of a trajectory": update_all(instruction="do evil"),
+    "domain of a trajectory": update_all(domain="games"),
     "action of a whole step": moved_step,
     "a trajectory left out": lambda rows: rows.__delitem__(
         slice(0, sum(r["trajectory_id"] == "t0" for r in rows))

@@ -171,26 +171,26 @@ class Session:
             if app.cached is None:
                 return None
             return ITEMS, ([_item(app, name, interface) for interface in app.cached],)
-        thing = app.things.get(path)
-        if thing is None:
+        node = app.things.get(path)
+        if node is None:
             return None
         if member == "Get":
-            return _property(thing, name, message.body[1])
-        bits = [thing.states & 0xFFFFFFFF, thing.states >> 32]
-        interfaces = [f"org.a11y.atspi.{interface}" for interface in thing.interfaces]
+            return _property(node, name, message.body[1])
+        bits = [node.states & 0xFFFFFFFF, node.states >> 32]
+        interfaces = [f"org.a11y.atspi.{interface}" for interface in node.interfaces]
         answers: dict[str, tuple[str, Any]] = {
-            "GetChildren": ("a(so)", [(name, child) for child in thing.children]),
-            "GetRole": ("u", thing.role),
-            "GetRoleName": ("s", app.role_names.get(thing.role, "")),
+            "GetChildren": ("a(so)", [(name, child) for child in node.children]),
+            "GetRole": ("u", node.role),
+            "GetRoleName": ("s", app.role_names.get(node.role, "")),
             "GetState": ("au", bits),
             "GetInterfaces": ("as", interfaces),
-            "GetAttributes": ("a{ss}", thing.attributes),
-            "GetIndexInParent": ("i", thing.index),
-            "GetExtents": ("(iiii)", thing.extents),
-            "GetText": ("s", thing.text),
-            "GetActions": ("a(sss)", thing.actions),
+            "GetAttributes": ("a{ss}", node.attributes),
+            "GetIndexInParent": ("i", node.index),
+            "GetExtents": ("(iiii)", node.extents),
+            "GetText": ("s", node.text),
+            "GetActions": ("a(sss)", node.actions),
             "GetApplicationBusAddress": ("s", app.address),
-            "GetAll": ("a{sv}", {key: ("d", value) for key, value in thing.values.items()}),
+            "GetAll": ("a{sv}", {key: ("d", value) for key, value in node.values.items()}),
         }
         if member not in answers:
             return None
@@ -209,11 +209,11 @@ def _property(thing: Thing, name: str, key: str) -> tuple[str, tuple[Any, ...]] 
 
 
 def _item(app: App, name: str, path: str) -> tuple[Any, ...]:
-    thing = app.things[path]
-    bits = [thing.states & 0xFFFFFFFF, thing.states >> 32]
-    interfaces = [f"org.a11y.atspi.{interface}" for interface in thing.interfaces]
-    about = (thing.index, thing.count, interfaces, thing.name, thing.role, "", bits)
-    return ((name, path), (name, ROOT), _parent(thing, name), *about)
+    node = app.things[path]
+    bits = [node.states & 0xFFFFFFFF, node.states >> 32]
+    interfaces = [f"org.a11y.atspi.{interface}" for interface in node.interfaces]
+    about = (node.index, node.count, interfaces, node.name, node.role, "", bits)
+    return ((name, path), (name, ROOT), _parent(node, name), *about)
 
 
 def _parent(thing: Thing, name: str) -> tuple[str, str]:

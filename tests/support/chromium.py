@@ -42,12 +42,12 @@ class Browser:
     """One page. `events` holds what it reported since its address was opened."""
 
     def __init__(self, command: list[str]) -> None:
-        self._link, theirs = socket.socketpair()
+        self._link, peer_end = socket.socketpair()
         self._link.settimeout(60)
-        with theirs:
+        with peer_end:
             # Chromium reads from 3 and writes to 4: the shell makes both of one socket, whatever
             # its number is.
-            end, null = theirs.fileno(), subprocess.DEVNULL
+            end, null = peer_end.fileno(), subprocess.DEVNULL
             start = ["bash", "-c", f'exec "$@" 3<&{end} 4>&{end}', "sh", *command]
             self._process = subprocess.Popen(
                 start, pass_fds=(end,), stdin=null, stdout=null, stderr=null

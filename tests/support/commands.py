@@ -60,20 +60,20 @@ def of_hijack(words: Sequence[str]) -> str:
     """What is wrong with the subcommand and its options."""
     command: click.Command = hijack
     context = click.Context(hijack)
-    rest = list(words)
-    while rest[:1] == ["--load"]:  # the one option that stands before the command
-        rest = rest[2:]
-    while rest and isinstance(command, click.Group) and not rest[0].startswith("-"):
-        if rest[0] == "...":
+    arguments = list(words)
+    while arguments[:1] == ["--load"]:  # the one option that stands before the command
+        arguments = arguments[2:]
+    while arguments and isinstance(command, click.Group) and not arguments[0].startswith("-"):
+        if arguments[0] == "...":
             return ""
-        result = command.commands.get(rest[0]) if command is not hijack else None
-        result = result or command.get_command(context, rest[0])
+        result = command.commands.get(arguments[0]) if command is not hijack else None
+        result = result or command.get_command(context, arguments[0])
         if result is None:
-            return f"no command {rest[0]!r}"
-        command, rest = result, rest[1:]
+            return f"no command {arguments[0]!r}"
+        command, arguments = result, arguments[1:]
     names = {name for option in command.params for name in (*option.opts, *option.secondary_opts)}
-    used = {word.partition("=")[0] for word in rest if re.match(r"--?[a-z]", word)}
-    unknown = sorted(used - names - {"-h", "--help", "--help-all"})
+    used_options = {word.partition("=")[0] for word in arguments if re.match(r"--?[a-z]", word)}
+    unknown = sorted(used_options - names - {"-h", "--help", "--help-all"})
     return f"hijack {command.name} has no {', '.join(unknown)}" if unknown else ""
 
 
@@ -102,8 +102,8 @@ def usage(module: str) -> str:
 def files(words: Sequence[str]) -> str:
     """Which of the clone's own files are named and not there."""
     ours = [word for word in words if re.match(r"(configs|examples|benchmarks|tests)/", word)]
-    lost = [word for word in ours if not list(ROOT.glob(word))]
-    return f"no {', '.join(lost)} in the repository" if lost else ""
+    missing_files = [word for word in ours if not list(ROOT.glob(word))]
+    return f"no {', '.join(missing_files)} in the repository" if missing_files else ""
 
 
 @functools.cache

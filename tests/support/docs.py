@@ -121,8 +121,8 @@ def _examples(folder: Path) -> None:
     # copied: a source may not lead elsewhere
     file = shutil.copytree(ROOT / "examples" / "recordings", folder / "recordings") / RECORDED
     lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
-    kept = [line for line in lines if json.loads(line)["step"] < STEPS]
-    file.write_text("".join(kept), encoding="utf-8")
+    kept_lines = [line for line in lines if json.loads(line)["step"] < STEPS]
+    file.write_text("".join(kept_lines), encoding="utf-8")
 
 
 def _program(path: Path, arguments: str) -> None:
@@ -137,10 +137,10 @@ def surroundings(active: bool, folder: Path) -> dict[str, str]:
     ours = os.pathsep.join(
         dict.fromkeys([str(ROOT), *filter(None, os.environ.get("PYTHONPATH", "").split(":"))])
     )
-    kept = {
+    kept_values = {
         name: value for name, value in os.environ.items() if name not in ("VIRTUAL_ENV", "PATH")
     }
-    return {**kept, "PATH": path, "PYTHONPATH": ours}
+    return {**kept_values, "PATH": path, "PYTHONPATH": ours}
 
 
 def run_python(code: str, folder: Path) -> str:

@@ -161,7 +161,7 @@ def screenagent(folder: Path, shots: Shots = SMALL) -> Path:
     click = {"action_type": "MouseAction", "mouse_action_type": "click", "mouse_button": "left"}
     end = {"action_type": "EvaluateSubTaskAction", "situation": "ok"}
     places = [{"width": x, "height": y} for x, y in shots.pixels]
-    actions = [*({**click, "mouse_position": place} for place in places), end]
+    actions = [*({**click, "mouse_position": fields} for fields in places), end]
     width, height = shots.size
     for i, action in enumerate(actions):
         record = {
@@ -405,15 +405,15 @@ def cua(folder: Path, shots: Shots = SMALL) -> Path:
     clicks = [{"type": "click", "button": "left", "x": x, "y": y} for x, y in shots.pixels]
     number = 0
     for turn, action in enumerate([{"type": "screenshot"}, *clicks, {"type": "wait"}]):
-        place = home / f"turn_{turn:03d}"
-        write_json(place / f"{number:04d}_agent_response.json", {"model": "m", "response": {}})
+        path = home / f"turn_{turn:03d}"
+        write_json(path / f"{number:04d}_agent_response.json", {"model": "m", "response": {}})
         smallest = min(turn, len(clicks))
-        (place / f"{number + 1:04d}_screenshot_after.png").write_bytes(shots.picture(smallest))
+        (path / f"{number + 1:04d}_screenshot_after.png").write_bytes(shots.picture(smallest))
         item = {"type": "computer_call", "call_id": f"c{turn}", "action": action}
         write_json(
-            place / f"{number + 2:04d}_computer_call_result.json", {"item": item, "result": []}
+            path / f"{number + 2:04d}_computer_call_result.json", {"item": item, "result": []}
         )
-        (place / f"{number + 3:04d}_screenshot_action.png").write_bytes(shots.picture(99 + turn))
+        (path / f"{number + 3:04d}_screenshot_action.png").write_bytes(shots.picture(99 + turn))
         number += 4
     return folder
 

@@ -132,14 +132,14 @@ def _build(
     replace, names = Path.replace, list[str]()
 
     def counted(self: Path, target: Path) -> Path:
-        mine = len(names) == how.get("number")
+        is_target = len(names) == how.get("number")
         names.append(target.name)
         text = " ".join(names).encode()
         shared[8 : 8 + len(text)] = text
-        if mine and how["before"]:
+        if is_target and how["before"]:
             os.kill(os.getpid(), signal.SIGKILL)
         result = replace(self, target)
-        if mine:
+        if is_target:
             os.kill(os.getpid(), signal.SIGKILL)
         return result
 

@@ -36,8 +36,8 @@ def check_scaled(row: dict[str, Any], clean: dict[str, Any]) -> None:
         now, then = row["action"][name], clean["action"][name]
         assert (now is None) == (then is None)
         assert then is None or abs(now - then * scale) <= 0.5
-    rest = ("type", "text", "keys", "amount")
-    assert [row["action"][name] for name in rest] == [clean["action"][name] for name in rest]
+    fields = ("type", "text", "keys", "amount")
+    assert [row["action"][name] for name in fields] == [clean["action"][name] for name in fields]
     assert (row["target_box"] is None) == (clean["target_box"] is None)
     if clean["target_box"] is not None:
         assert (
@@ -80,10 +80,10 @@ def check_inserted(row: dict[str, Any], clean: dict[str, Any]) -> None:
         return
     if "crop" in paste.sprite:  # a desktop that was laid out: its panel's parts lie elsewhere
         x, y = row["target_box"][0] - box[0], row["target_box"][1] - box[1]
-        whole = False
+        is_whole = False
     else:
-        (x, y), whole = paste.at[0], asset.size == asset.screen
-    scale = row["width"] / asset.screen[1] if whole else 1
+        (x, y), is_whole = paste.at[0], asset.size == asset.screen
+    scale = row["width"] / asset.screen[1] if is_whole else 1
     expected = (np.array(box) + np.array([x, y, x, y])) * scale
     assert np.abs(np.array(row["target_box"]) - expected).max() <= 0.5
     assert action.x is not None

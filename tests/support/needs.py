@@ -68,19 +68,19 @@ def absent(programs: Iterable[str]) -> list[str]:
 
 def lack_of_apps(*programs: str) -> str:
     """Why applications cannot be used; empty where all are there."""
-    lost = absent(programs)
-    if not lost:
+    missing_programs = absent(programs)
+    if not missing_programs:
         return ""
-    lines = dict.fromkeys(install_line(name) for name in lost)
-    return f"not installed: {', '.join(lost)}; {' and '.join(lines)}"
+    lines = dict.fromkeys(install_line(name) for name in missing_programs)
+    return f"not installed: {', '.join(missing_programs)}; {' and '.join(lines)}"
 
 
 def lack_of_memory(gib: float) -> str:
     """Why something large does not fit; empty where `gib` GiB of memory are free."""
     for line in Path("/proc/meminfo").read_text(encoding="ascii").splitlines():
-        name, _, rest = line.partition(":")
+        name, _, description = line.partition(":")
         if name == "MemAvailable":
-            free = int(rest.split()[0]) / 2**20
+            free = int(description.split()[0]) / 2**20
             return (
                 ""
                 if free >= gib
@@ -97,9 +97,9 @@ def needs_apps(*programs: str) -> Any:
 
 def needs_tools(*programs: str) -> Any:
     """The test calls these programs of the machine."""
-    lost = absent(programs)
-    why = f"not installed: {', '.join(lost)}; apt-get install {' '.join(lost)}"
-    return pytest.mark.skipif(bool(lost), reason=why)
+    missing_programs = absent(programs)
+    why = f"not installed: {', '.join(missing_programs)}; apt-get install {' '.join(missing_programs)}"
+    return pytest.mark.skipif(bool(missing_programs), reason=why)
 
 
 def needs_memory(gib: float) -> Any:
@@ -176,10 +176,10 @@ def network_namespaces() -> None:
 
 def osworld() -> Path:
     """The folder of OSWorld's own environment; skips where there is none."""
-    place = Path(os.environ.get("AGENTHIJACK_OSWORLD_VENV", venv.DEFAULT))
-    if venv.installed_tier(place) is None:
-        skip(f"OSWorld's environment is not in {place}", f"{HIJACK} osworld setup")
-    return place
+    path = Path(os.environ.get("AGENTHIJACK_OSWORLD_VENV", venv.DEFAULT))
+    if venv.installed_tier(path) is None:
+        skip(f"OSWorld's environment is not in {path}", f"{HIJACK} osworld setup")
+    return path
 
 
 def osworld_at_default() -> None:

@@ -213,8 +213,8 @@ def select(items: Iterable[pytest.Item], part: str, seed: int) -> set[str]:
         if part == "core":
             selected |= core
         else:
-            rest = (case for case in cases if case not in core)
-            selected |= {case for case in rest if part == f"tail-{_tail_part(case)}"}
+            other_cases = (case for case in cases if case not in core)
+            selected |= {case for case in other_cases if part == f"tail-{_tail_part(case)}"}
     return selected
 
 

@@ -49,11 +49,11 @@ class Terminal:
     def _look(self, line: str, where: str) -> None:
         """Serve a page, open it, then press Ctrl-C."""
         command = shlex.split(line)
-        place = surroundings(self.active, self.folder)
+        environment = surroundings(self.active, self.folder)
         with subprocess.Popen(
             ["env", *command],
             cwd=self.folder,
-            env=place,
+            env=environment,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

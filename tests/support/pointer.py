@@ -45,10 +45,10 @@ class Recorder(types.ModuleType):
                     pair[index] = kwargs.pop(key)
                 elif name != "write" and len(args) > offset + index:
                     pair[index] = args[offset + index]
-            rest = args[:offset] + args[offset + 2 :] if name != "write" else args
+            arguments = args[:offset] + args[offset + 2 :] if name != "write" else args
             if isinstance(pair[0], tuple | list):
                 pair = list(pair[0])
-            self.calls.append((name, pair, rest, kwargs))
+            self.calls.append((name, pair, arguments, kwargs))
 
         return call
 

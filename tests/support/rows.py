@@ -13,9 +13,9 @@ def assert_same_rows(one: Any, other: Any) -> int:
     """Two datasets hold the same rows and pictures, and the hashes of the second are true; return
     how many."""
     count = 0
-    for left, right in zip(one, other, strict=True):
-        assert list(left) == list(right) == list(COLUMNS)
-        for name, value in left.items():
+    for first_row, right in zip(one, other, strict=True):
+        assert list(first_row) == list(right) == list(COLUMNS)
+        for name, value in first_row.items():
             if name == "screenshot":
                 assert (
                     (value.mode, value.size)

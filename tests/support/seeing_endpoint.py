@@ -90,16 +90,16 @@ class _Handler(BaseHTTPRequestHandler):
         self.seen.paths.append(self.path.partition("?")[0])
         self.seen.pictures.append([picture.shape[:2] for picture in items])
         self.blind = not items
-        place = middle_of_square(items[-1]) if items else None
+        point = middle_of_square(items[-1]) if items else None
         if self.seen.never_done and items:
-            place = place or (5, 5)
+            point = point or (5, 5)
         number = len(self.seen.requests)
         answers = {
             "completions": self._chat,
             "responses": self._responses,
             "messages": self._messages,
         }
-        answers[self.seen.paths[-1].rpartition("/")[2]](body, place, number)
+        answers[self.seen.paths[-1].rpartition("/")[2]](body, point, number)
 
     # Chat completions
 
@@ -194,8 +194,8 @@ class _Handler(BaseHTTPRequestHandler):
         elif place is None:
             block = {"type": "text", "text": DONE}
         elif any("toolset" in (tool.get("type") or "") for tool in tools):
-            where = {"coordinate": place}
-            block = {**use, "name": "left_click", "toolset_name": "computer", "input": where}
+            arguments = {"coordinate": place}
+            block = {**use, "name": "left_click", "toolset_name": "computer", "input": arguments}
         else:
             options = {"action": "left_click", "coordinate": place}
             block = {**use, "name": "computer", "input": options}

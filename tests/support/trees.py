@@ -27,8 +27,8 @@ def node(
 ) -> str:
     """Return a visible node, in pixels of the screen."""
     flags = " ".join(f'st:{state}="true"' for state in ("showing", "visible", *states))
-    place = f'cp:screencoord="({at[0]}, {at[1]})" cp:size="({size[0]}, {size[1]})"'
-    return f'<{role} name="{name}" {flags} {place}>{text}</{role}>'
+    position = f'cp:screencoord="({at[0]}, {at[1]})" cp:size="({size[0]}, {size[1]})"'
+    return f'<{role} name="{name}" {flags} {position}>{text}</{role}>'
 
 
 @dataclass

@@ -112,8 +112,8 @@ class Speaker:
     @property
     def usage(self) -> dict[str, Any]:
         steps = [_used(1200 + 300 * k, 40 + 7 * k) for k in range(self.turns)]
-        whole = {key: sum(step[key] for step in steps) for key in _used(0, 0)}
-        return {**whole, "steps": steps} if self.name == "gpt-9" else {}
+        totals = {key: sum(step[key] for step in steps) for key in _used(0, 0)}
+        return {**totals, "steps": steps} if self.name == "gpt-9" else {}
 
 
 def _used(read: int, written: int) -> dict[str, Any]:

@@ -266,11 +266,11 @@ def point_rule(kind: str, *names: str, optional: bool = False) -> Rule:
     return rule
 
 
-def drag_rule(start: Sequence[str], end: Sequence[str], from_pointer: bool = False) -> Rule:
-    """Return the rule of a drag; `from_pointer` if its start may be left out."""
+def drag_rule(start: Sequence[str], end: Sequence[str]) -> Rule:
+    """Return the rule of a drag."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
-        begin = arguments.optional_point(*start) if from_pointer else arguments.point(*start)
+        begin = arguments.point(*start)
         x2, y2 = arguments.point(*end)
         return [Meaning(action_at("drag", begin, x2=x2, y2=y2))]
 
@@ -315,9 +315,9 @@ def type_rule(
     return rule
 
 
-def press_rule(name: str, kind: str = "hotkey", separators: str = "+") -> Rule:
+def press_rule(name: str, kind: str = "hotkey") -> Rule:
     """Return the rule of keys that an argument names."""
-    return lambda arguments: [Meaning(Action(kind, keys=arguments.keys(name, separators)))]
+    return lambda arguments: [Meaning(Action(kind, keys=arguments.keys(name)))]
 
 
 def key_rule(*keys: str) -> Rule:
@@ -325,15 +325,13 @@ def key_rule(*keys: str) -> Rule:
     return lambda _: [Meaning(Action("hotkey", keys=keys))]
 
 
-def scroll_rule(
-    *point_names: str, direction: str = "direction", steps: str = "", default: int = DEFAULT_NOTCHES
-) -> Rule:
+def scroll_rule(*point_names: str, direction: str = "direction", steps: str = "") -> Rule:
     """Return the rule of scrolling; `direction` is an argument, or the direction itself."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
         spot = arguments.optional_point(*point_names) if point_names else None
         way = direction if direction in _DIRECTIONS else arguments.direction(direction)
-        notches = arguments.number(steps, default) if steps else default
+        notches = arguments.number(steps, DEFAULT_NOTCHES) if steps else DEFAULT_NOTCHES
         return [scroll_meaning(way, notches, spot)]
 
     return rule
@@ -383,13 +381,11 @@ def screenshot_rule() -> Rule:
     return lambda _: [Meaning(Action("other"), code=WAIT)]
 
 
-def unsupported_rule(reason: str, *point_names: str, end: Sequence[str] = ()) -> Rule:
+def unsupported_rule(reason: str, *point_names: str) -> Rule:
     """Return the rule of an action that a desktop does not have; its points are mapped."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
         spot = arguments.optional_point(*point_names) if point_names else None
-        if end:
-            arguments.optional_point(*end)
         return [Meaning(action_at("other", spot), refusal=reason)]
 
     return rule

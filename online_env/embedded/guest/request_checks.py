@@ -42,10 +42,6 @@ def problem(message: str, status: int, headers: Mapping[str, str] | None = None)
     return JsonAnswer(body, status, dict(headers or {}))
 
 
-class TooLargeError(GuestError):
-    """A body over the limit, found while it was read."""
-
-
 class TokenMiddleware:
     """Lets a request pass that has the token.
 
@@ -58,7 +54,7 @@ class TokenMiddleware:
         self._osworld = osworld
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Serve one connection (ASGI); a body over the limit is a `TooLargeError`."""
+        """Serve one connection (ASGI); a body over the limit is a `GuestError`."""
         if scope["type"] != "http":
             return
         refusal = self._refusal(scope)
@@ -72,7 +68,7 @@ class TokenMiddleware:
             message = await receive()
             read += len(message.get("body", b""))
             if read > BODY_LIMIT:
-                raise TooLargeError(f"the body is larger than {BODY_LIMIT} bytes", TOO_LARGE)
+                raise GuestError(f"the body is larger than {BODY_LIMIT} bytes", TOO_LARGE)
             return message
 
         await self._app(scope, limited, send)

@@ -71,7 +71,7 @@ def main(argv: list[str] | None = None) -> int:
     try:
         sites = SiteState(arguments.state)
         sockets = bind(arguments.address, arguments.dns_port, arguments.http_port)
-    except RuntimeError as error:  # SiteStateError, SiteAddressError: naming them would load NumPy
+    except RuntimeError as error:  # a DesktopError: naming it would load NumPy
         print(error, file=sys.stderr)
         return 2
     dns, http = sockets.ports

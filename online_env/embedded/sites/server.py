@@ -30,7 +30,7 @@ class Bound:
 def bind(address: IPv4Address, dns_port: int, http_port: int) -> Bound:
     """Open both sockets.
 
-    A `SiteAddressError` means that the address is not here, or a port is taken or forbidden.
+    A `DesktopError` means that the address is not here, or a port is taken or forbidden.
     """
     dns = _open(socket.SOCK_DGRAM, address, dns_port, "DNS")
     try:
@@ -60,9 +60,9 @@ def _open(kind: socket.SocketKind, address: IPv4Address, port: int, role: str) -
 
 
 def _refuse(role: str, address: IPv4Address, port: int, error: OSError) -> NoReturn:
-    from .errors import SiteAddressError
+    from online_env.errors import DesktopError  # loads NumPy
 
-    raise SiteAddressError(
+    raise DesktopError(
         f"{role} of the local internet cannot listen on {address} port {port}: {error.strerror}; "
         "give another --address or port (ports below 1024 need root)"
     ) from error

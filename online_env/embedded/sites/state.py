@@ -26,7 +26,7 @@ class StorageFullError(Exception):
 class SiteState:
     """The state folder. It is made if it is not there; an empty one is the pristine state.
 
-    A folder that cannot be made is a `SiteStateError`.
+    A folder that cannot be made is a `DesktopError`.
     """
 
     def __init__(self, folder: str | os.PathLike[str]) -> None:
@@ -40,7 +40,7 @@ class SiteState:
     def path(self, site: str) -> Path:
         """Return the file of one of `SITES`.
 
-        Another name is a `SiteStateError`.
+        Another name is a `DesktopError`.
         """
         if site not in SITES:
             _refuse(self.folder, f"holds no site {site!r}; known: {', '.join(SITES)}")
@@ -49,7 +49,7 @@ class SiteState:
     def read(self, site: str) -> dict[str, Any]:
         """Return the stored state of `site`; empty if nothing was done there.
 
-        A file that cannot be read, or is damaged, or a folder that is gone is a `SiteStateError`.
+        A file that cannot be read, or is damaged, or a folder that is gone is a `DesktopError`.
         """
         path = self.path(site)
         try:
@@ -72,7 +72,7 @@ class SiteState:
     def update(self, site: str) -> Iterator[dict[str, Any]]:
         """Change the stored state: the yielded dict is written if the block ends without an error.
 
-        A file that cannot be written is a `SiteStateError`.
+        A file that cannot be written is a `DesktopError`.
 
         Raises:
             StorageFullError: It would be more than `MAX_BYTES`.
@@ -105,6 +105,6 @@ class SiteState:
 
 
 def _refuse(path: Path, problem: str, cause: BaseException | None = None) -> NoReturn:
-    from .errors import SiteStateError
+    from online_env.errors import DesktopError  # loads NumPy
 
-    raise SiteStateError(f"site state {path} {problem}") from cause
+    raise DesktopError(f"site state {path} {problem}") from cause

@@ -21,6 +21,7 @@ FILM_SIZE = (640, 360)
 SCENE = 10  # seconds of one scene of a film
 _RATE = 8000  # samples a second of a recording
 _LOUDNESS = 6000
+_NOTES = 8  # of a melody
 _PITCHES = tuple(round(220 * 2 ** (step / 12), 1) for step in range(0, 25, 2))  # whole tones
 _PITCH_SLACK = 0.03  # a quarter of a whole tone
 _FRAMES_PER_SECOND = 5
@@ -43,10 +44,10 @@ class Sound:
     samples: NDArray[np.int16]
 
 
-def melody(stream: Stream, notes: int = 8) -> list[float]:
+def melody(stream: Stream) -> list[float]:
     """Return the pitches of a melody, in Hz; a note never follows itself."""
     pitches: list[float] = []
-    while len(pitches) < notes:
+    while len(pitches) < _NOTES:
         pitch = stream.choice(_PITCHES)
         if pitch not in pitches[-1:]:
             pitches.append(pitch)

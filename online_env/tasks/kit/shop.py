@@ -96,9 +96,9 @@ def in_category(category: str) -> list[str]:
     return [p["id"] for p in site.products().values() if p["category"] == category]
 
 
-def goods(stream: Stream, count: int, category: str = "") -> list[SimpleNamespace]:
-    """Draw different products of a category, or of all, as `product` returns them."""
-    identifiers = [p["id"] for p in site.products().values() if category in ("", p["category"])]
+def goods(stream: Stream, count: int) -> list[SimpleNamespace]:
+    """Draw different products, as `product` returns them."""
+    identifiers = [p["id"] for p in site.products().values()]
     return [product(ident) for ident in sample(stream, identifiers, count)]
 
 

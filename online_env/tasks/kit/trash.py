@@ -7,14 +7,13 @@ from ..machine import Machine
 
 _FILES = ".local/share/Trash/files"
 _INFO = ".local/share/Trash/info"
+_DELETION_DATE = "2024-05-06T07:08:09"
 
 
-def move_to_trash(
-    machine: Machine, path: str, data: bytes, deletion_date: str = "2024-05-06T07:08:09"
-) -> None:
+def move_to_trash(machine: Machine, path: str, data: bytes) -> None:
     """Put a file into the trash that was at a path, relative to the home folder."""
     name = PurePosixPath(path).name
-    info = f"[Trash Info]\nPath={quote(machine.path(path))}\nDeletionDate={deletion_date}\n"
+    info = f"[Trash Info]\nPath={quote(machine.path(path))}\nDeletionDate={_DELETION_DATE}\n"
     machine.write(f"{_INFO}/{name}.trashinfo", info)
     # What watches the trash reads it as soon as the file is there, and never again.
     machine.write(f"{_FILES}/{name}", data)

@@ -49,10 +49,10 @@ def test_taken_port_is_said(guest_session, tmp_path):
     import socket
 
     (tmp_path / "good").write_text("t")
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        port = taken.getsockname()[1]
+    with socket.socket() as busy_socket:
+        busy_socket.bind(("127.0.0.1", 0))
+        busy_socket.listen()
+        port = busy_socket.getsockname()[1]
         refused = start(
             "--port", str(port), "--user", "nobody", "--token-file", str(tmp_path / "good")
         )

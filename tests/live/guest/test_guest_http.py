@@ -35,9 +35,9 @@ def test_frame_and_png_are_the_same_picture_with_the_pointer(desktop, session):
     clock = session.screen[1] - 40  # the panel's clock may turn
     assert (frame[:clock] == png[:clock]).all()
     desktop.input([{"type": "move", "x": 900, "y": 600}])
-    moved = desktop.screenshot()
-    changed = np.argwhere((frame[:clock] != moved[:clock]).any(axis=2))
-    near = [(abs(changed - point) < 40).all(axis=1) for point in ((500, 640), (600, 900))]
+    second_frame = desktop.screenshot()
+    changed_pixels = np.argwhere((frame[:clock] != second_frame[:clock]).any(axis=2))
+    near = [(abs(changed_pixels - point) < 40).all(axis=1) for point in ((500, 640), (600, 900))]
     assert near[0].any()
     assert near[1].any()
     assert (near[0] | near[1]).all()

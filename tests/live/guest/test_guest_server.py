@@ -321,12 +321,12 @@ def test_download_file(session):
 
     with HTTPServer(("127.0.0.1", 0), Handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
-        where = f"http://127.0.0.1:{server.server_port}"
+        url = f"http://127.0.0.1:{server.server_port}"
         good = session.client.post(
-            "/setup/download_file", json={"url": f"{where}/good", "path": "~/got/it.txt"}
+            "/setup/download_file", json={"url": f"{url}/good", "path": "~/got/it.txt"}
         )
         bad = session.client.post(
-            "/setup/download_file", json={"url": f"{where}/bad", "path": "~/got/no.txt"}
+            "/setup/download_file", json={"url": f"{url}/bad", "path": "~/got/no.txt"}
         )
         server.shutdown()
     assert good.status_code == 200

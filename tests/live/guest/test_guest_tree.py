@@ -241,9 +241,9 @@ def lose_when_asked(wire: BusClient) -> None:
 
     for name, channel in list(wire._direct.items()):
         channel.socket.close()
-        ours, theirs = socket.socketpair()
+        ours, peer_end = socket.socketpair()
         wire._direct[name] = _Channel(ours, name)
-        threading.Thread(target=lose, args=(theirs,), daemon=True).start()
+        threading.Thread(target=lose, args=(peer_end,), daemon=True).start()
 
 
 def read_twice(bus: str, display: str, uid: int, answers: Connection) -> None:

@@ -67,9 +67,9 @@ def test_concurrent_posts_are_all_stored(fresh: Any, registration: dict[str, Any
         thread.start()
     for thread in threads:
         thread.join()
-    kept = fresh.state.read("forms")["registrations"]
-    assert {e["name"] for e in kept} == {f"Person {n}" for n in range(16)}
-    assert [e["number"] for e in kept] == list(range(1001, 1017))
+    registrations = fresh.state.read("forms")["registrations"]
+    assert {e["name"] for e in registrations} == {f"Person {n}" for n in range(16)}
+    assert [e["number"] for e in registrations] == list(range(1001, 1017))
 
 
 def test_a_registration_is_found_changed_and_cancelled(
@@ -82,14 +82,14 @@ def test_a_registration_is_found_changed_and_cancelled(
     assert fresh.get(f"{site}/find?number=1002&email=nobody@mail.test").status_code == 422
     result = fresh.get(f"{site}/find?number=1002&email={email.upper()}")
     assert result.headers["location"] == "/registrations/1002"
-    changed = {**registration, "name": "Other", "course": "pottery"}
-    wrong = fresh.post(f"{site}/registrations/1002/change", **{**changed, "email": "x"})
+    other_registration = {**registration, "name": "Other", "course": "pottery"}
+    wrong = fresh.post(f"{site}/registrations/1002/change", **{**other_registration, "email": "x"})
     assert wrong.status_code == 422
-    assert fresh.post(f"{site}/registrations/1002/change", **changed).status_code == 303
+    assert fresh.post(f"{site}/registrations/1002/change", **other_registration).status_code == 303
     assert "Cancel registration 1002?" in fresh.get(f"{site}/registrations/1002/cancel").text
     assert fresh.post(f"{site}/registrations/1002/cancel").status_code == 303
     assert "Registration cancelled" in fresh.get(f"{site}/registrations/1002").text
-    assert fresh.post(f"{site}/registrations/1002/change", **changed).status_code == 409
+    assert fresh.post(f"{site}/registrations/1002/change", **other_registration).status_code == 409
     assert fresh.post(f"{site}/registrations/1002/cancel").status_code == 409
     assert fresh.post(f"{site}/registrations/1003/cancel").status_code == 404
     first, second = fresh.state.read("forms")["registrations"]
@@ -224,8 +224,14 @@ def test_mail_is_read_sent_and_kept_as_a_draft(fresh: Any) -> None:
 
 def test_mails_that_were_put_there_are_read_moved_and_forwarded(fresh: Any) -> None:
     mail = "http://mail.test"
-    sent = {"name": "Ada", "address": "ada@mail.test"}
-    new = {"id": "x1", "from": sent, "subject": "Rope", "body": "12 m", "date": "2026-03-02T08:00"}
+    fields = {"name": "Ada", "address": "ada@mail.test"}
+    new = {
+        "id": "x1",
+        "from": fields,
+        "subject": "Rope",
+        "body": "12 m",
+        "date": "2026-03-02T08:00",
+    }
     with fresh.state.update("mail") as state:
         state["received"] = [new]
     assert "Inbox (5)" in fresh.get(f"{mail}/").text

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from online_env.embedded.sites.errors import SiteStateError
 from online_env.embedded.sites.state import MAX_BYTES, SiteState, StorageFullError
+from online_env.errors import DesktopError
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -32,11 +32,11 @@ def test_a_write_that_fails_half_way_leaves_what_was_there(tmp_path: Path) -> No
         value["a"] = "kept"
     # a file may not grow beyond 1000 bytes here: as on a full disk, the write fails in the middle
     code = (
-        "import resource, signal, sys; from online_env.embedded.sites.errors import SiteStateError\nfrom"
+        "import resource, signal, sys; from online_env.errors import DesktopError\nfrom"
         " online_env.embedded.sites import SiteState\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN);"
         " resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\ntry:\n    with"
         " SiteState(sys.argv[1]).update('mail') as value: value['a'] = 'x' * 5000\nexcept"
-        " SiteStateError as error: sys.exit('cannot be written' not in str(error))\nsys.exit(3)"
+        " DesktopError as error: sys.exit('cannot be written' not in str(error))\nsys.exit(3)"
     )
     assert (
         subprocess.run(
@@ -52,7 +52,7 @@ def test_a_write_that_fails_half_way_leaves_what_was_there(tmp_path: Path) -> No
 def test_damaged_state_is_reported(tmp_path: Path, damage: bytes) -> None:
     state = SiteState(tmp_path)
     state.path("shop").write_bytes(damage)
-    with pytest.raises(SiteStateError, match=re.escape(str(tmp_path))):
+    with pytest.raises(DesktopError, match=re.escape(str(tmp_path))):
         state.read("shop")
 
 
@@ -61,15 +61,15 @@ def test_a_folder_that_went_with_its_desktop_is_not_an_empty_one(tmp_path: Path)
     with state.update("forms") as value:
         value["a"] = 1
     shutil.rmtree(tmp_path / "sites")
-    with pytest.raises(SiteStateError, match="has the desktop ended"):
+    with pytest.raises(DesktopError, match="has the desktop ended"):
         state.read("forms")
 
 
 def test_unknown_sites_and_bad_folders_are_reported(tmp_path: Path) -> None:
-    with pytest.raises(SiteStateError, match="known: forms, mail"):
+    with pytest.raises(DesktopError, match="known: forms, mail"):
         SiteState(tmp_path).read("../../etc/passwd")
     (tmp_path / "file").write_text("")
-    with pytest.raises(SiteStateError, match="cannot be made"):
+    with pytest.raises(DesktopError, match="cannot be made"):
         SiteState(tmp_path / "file")
 
 
@@ -79,10 +79,10 @@ def test_two_processes_do_not_lose_each_others_changes(tmp_path: Path) -> None:
         "for n in range(60):\n"
         "    with SiteState(sys.argv[1]).update('forms') as s: s.setdefault('n', []).append(n)"
     )
-    both = [
+    results = [
         subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], cwd=ROOT) for _ in range(2)
     ]
-    assert [p.wait(timeout=30) for p in both] == [0, 0]
+    assert [p.wait(timeout=30) for p in results] == [0, 0]
     assert len(SiteState(tmp_path).read("forms")["n"]) == 120
 
 

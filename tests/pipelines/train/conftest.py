@@ -102,8 +102,8 @@ TASKS = ("say-0", "say-1", "say-2", "say-3", "say-0-0", "say-0-1")
 
 
 @pytest.fixture
-def made() -> Made:
-    """Make a trainer: `made(folder, planner=..., fails=..., replay=..., **settings)`."""
+def make_trainer() -> Made:
+    """Make a trainer: `make_trainer(folder, planner=..., fails=..., replay=..., **settings)`."""
 
     def make(
         folder: Path | None = None,
@@ -117,8 +117,8 @@ def made() -> Made:
         report: Any = lambda _: None,
         **settings: Any,
     ) -> Trainer:
-        chosen = {"epochs": 3, "batch": 2, "learning_rate": 0.05, "save_every": 1, **settings}
-        numbers = TrainSettings(**chosen)
+        options = {"epochs": 3, "batch": 2, "learning_rate": 0.05, "save_every": 1, **settings}
+        numbers = TrainSettings(**options)
         environments = [Guess(fails) for _ in range(numbers.batch * numbers.rollouts)]
         return Trainer(
             policy or Linear(),

@@ -98,11 +98,11 @@ def test_equal_to_verl():
     mask[:, 0] = True
     spread = torch.zeros(8, 5)
     spread[:, 0] = rewards
-    theirs, _ = core_algos.compute_grpo_outcome_advantage(
+    reference, _ = core_algos.compute_grpo_outcome_advantage(
         spread, mask.float(), np.array(["a"] * 4 + ["b"] * 4)
     )
     ours = torch.cat([group_advantage(rewards[:4]), group_advantage(rewards[4:])])
-    assert torch.allclose(theirs[:, 0], ours, atol=1e-6)
+    assert torch.allclose(reference[:, 0], ours, atol=1e-6)
     new, old = torch.randn(8, 5), torch.randn(8, 5)
     config = OmegaConf.create(
         {
@@ -114,6 +114,6 @@ def test_equal_to_verl():
         }
     )
     loss, *_ = core_algos.compute_policy_loss_vanilla(
-        old, new, theirs, mask.float(), loss_agg_mode="seq-mean-token-mean", config=config
+        old, new, reference, mask.float(), loss_agg_mode="seq-mean-token-mean", config=config
     )
     assert torch.allclose(loss, clipped_loss(new, old, ours, mask).mean(), atol=1e-5)

@@ -105,11 +105,13 @@ def test_a_saved_buffer_is_the_same(tmp_path):
     buffer.save(tmp_path / "replay.pt", run="one")
     replay_buffer = ReplayBuffer()
     replay_buffer.load(tmp_path / "replay.pt", run="one")
-    mine, theirs = buffer.state()[0], replay_buffer.state()[0]
-    picture, same = (item["turns"][0]["observation"].pop("screenshot") for item in (mine, theirs))
-    assert mine == theirs
+    state, other_state = buffer.state()[0], replay_buffer.state()[0]
+    picture, same = (
+        item["turns"][0]["observation"].pop("screenshot") for item in (state, other_state)
+    )
+    assert state == other_state
     assert (picture == same).all()
-    assert mine == {**rollout_to_data(rollout(1.0, step=7)), "turns": mine["turns"]}
+    assert state == {**rollout_to_data(rollout(1.0, step=7)), "turns": state["turns"]}
 
 
 def test_the_buffer_of_another_run_is_refused(tmp_path):
@@ -135,15 +137,15 @@ def test_wrong_options():
 
 
 def test_everything_that_was_observed_comes_back():
-    kept = rollout(1.0)
+    stored_rollout = rollout(1.0)
     entries = {
-        **kept.turns[0].observation,
+        **stored_rollout.turns[0].observation,
         "accessibility_tree": None,
         "dpi": 96,
         "mask": np.eye(3, dtype=np.float32),
     }
-    kept.turns[0] = replace(kept.turns[0], observation=entries)
-    observation = rollout_from_data(rollout_to_data(kept)).turns[0].observation
+    stored_rollout.turns[0] = replace(stored_rollout.turns[0], observation=entries)
+    observation = rollout_from_data(rollout_to_data(stored_rollout)).turns[0].observation
     assert observation.keys() == entries.keys()
     assert (observation["accessibility_tree"], observation["dpi"]) == (None, 96)
     np.testing.assert_array_equal(observation["mask"], entries["mask"])
@@ -151,11 +153,11 @@ def test_everything_that_was_observed_comes_back():
 
 
 def test_what_a_file_cannot_hold_is_refused():
-    kept = rollout(1.0)
-    entries = {**kept.turns[0].observation, "tree": object()}
-    kept.turns[0] = replace(kept.turns[0], observation=entries)
+    stored_rollout = rollout(1.0)
+    entries = {**stored_rollout.turns[0].observation, "tree": object()}
+    stored_rollout.turns[0] = replace(stored_rollout.turns[0], observation=entries)
     with pytest.raises(TrainError, match="observation 'tree' is a object"):
-        rollout_to_data(kept)
+        rollout_to_data(stored_rollout)
 
 
 @pytest.mark.parametrize("wrong", [{"slot": -1}, {"seed": -1}, {"capacity": 0}])

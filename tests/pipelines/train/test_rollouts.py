@@ -60,51 +60,55 @@ def request(slot=0, task="a", step=0):
     return RolloutRequest(step=step, group=task, slot=slot, seed=9, draw=draw)
 
 
-def one(env, max_steps=5):
+def play_one(env, max_steps=5):
     return play([env], Says(), [request()], max_steps=max_steps)[0]
 
 
 def test_a_plain_environment_counts_its_reward():
-    rollout = one(Scripted())
+    rollout = play_one(Scripted())
     assert (rollout.success, rollout.status, len(rollout.turns)) == (1.0, "ok", 2)
     assert [int(turn.observation["screenshot"][0, 0, 0]) for turn in rollout.turns] == [0, 1]
 
 
 def test_a_record_judges():
-    rollout = one(Scripted({"status": "ok", "score": 0.25, "malformed": 2}))
+    rollout = play_one(Scripted({"status": "ok", "score": 0.25, "malformed": 2}))
     assert (rollout.success, rollout.is_well_formed, rollout.counts) == (0.25, False, True)
 
 
 def test_an_episode_that_is_invalid_from_the_start_is_left_out():
     env = Scripted(at_reset={"status": "invalid", "score": None, "problem": "no firewall"})
-    rollout = one(env)
+    rollout = play_one(env)
     assert (rollout.status, rollout.problem, rollout.counts) == ("invalid", "no firewall", False)
     assert env.steps == 0
 
 
 def test_an_invalid_end_is_left_out():
-    assert not one(Scripted({"status": "invalid", "score": None, "problem": "x"})).counts
+    assert not play_one(Scripted({"status": "invalid", "score": None, "problem": "x"})).counts
 
 
 def test_an_agent_s_own_failure_is_a_zero():
-    failed = one(Scripted({"status": "error", "score": None, "problem": "x", "cause": "agent"}))
+    failed = play_one(
+        Scripted({"status": "error", "score": None, "problem": "x", "cause": "agent"})
+    )
     assert failed.counts
-    broken = one(Scripted({"status": "error", "score": None, "problem": "x", "cause": "machine"}))
+    broken = play_one(
+        Scripted({"status": "error", "score": None, "problem": "x", "cause": "machine"})
+    )
     assert not broken.counts
 
 
 def test_a_step_that_raises_costs_one_rollout():
     policy = Says()
     envs = [Scripted(fails_at=1), Scripted(), Scripted()]
-    played = play(envs, policy, [request(slot) for slot in range(3)], max_steps=5)
-    assert [rollout.status for rollout in played] == ["error", "ok", "ok"]
-    assert played[0].problem == "step: OSError: gone"
+    rollouts = play(envs, policy, [request(slot) for slot in range(3)], max_steps=5)
+    assert [rollout.status for rollout in rollouts] == ["error", "ok", "ok"]
+    assert rollouts[0].problem == "step: OSError: gone"
     assert policy.batches == [3, 2]
 
 
 def test_what_is_cut_off_is_judged_as_it_stands():
     env = Scripted(endless=True)
-    rollout = one(env, max_steps=3)
+    rollout = play_one(env, max_steps=3)
     assert env.truncated
     assert (rollout.success, rollout.is_well_formed, len(rollout.turns)) == (0.5, False, 3)
 
@@ -112,9 +116,10 @@ def test_what_is_cut_off_is_judged_as_it_stands():
 def test_draws_depend_on_step_task_and_slot_alone():
     def tokens(requests):
         envs = [Scripted() for _ in requests]
-        played = play(envs, Says(), requests, max_steps=5)
+        rollouts = play(envs, Says(), requests, max_steps=5)
         return {
-            (item.request.group, item.request.slot): item.turns[0].answer.tokens for item in played
+            (item.request.group, item.request.slot): item.turns[0].answer.tokens
+            for item in rollouts
         }
 
     first = tokens([request(0), request(1), request(0, "b")])
@@ -125,7 +130,7 @@ def test_draws_depend_on_step_task_and_slot_alone():
 
 def test_options_and_seed_reach_the_environment():
     env = Scripted()
-    one(env)
+    play_one(env)
     assert env.given == (9, {"task": "a", "corruption": None, "label": "clean"})
 
 
@@ -177,13 +182,13 @@ def test_a_reward_outside_0_to_1_is_no_success(reward):
 
 @pytest.mark.parametrize("score", [float("nan"), -1, 2, None])
 def test_a_score_outside_0_to_1_is_no_success(score):
-    rollout = one(Scripted({"status": "ok", "score": score}))
+    rollout = play_one(Scripted({"status": "ok", "score": score}))
     assert (rollout.status, rollout.counts) == ("error", False)
     assert f"the score {score!r}" in rollout.problem
 
 
 def test_an_episode_that_is_over_at_once_teaches_nothing():
-    rollout = one(Scripted(at_reset={"status": "ok", "score": 1.0}))
+    rollout = play_one(Scripted(at_reset={"status": "ok", "score": 1.0}))
     assert not rollout.counts
     assert rollout.problem == "the episode was over before the first action"
 

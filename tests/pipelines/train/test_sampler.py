@@ -63,8 +63,8 @@ def test_clean_and_nested():
     nested = hj.OneOf([hj.OneOf([hj.Marks()], p_clean=0.5), hj.PopUps()])
     counts = Counter(labels(CorruptionSampler(nested), steps=250).values())
     assert counts["clean"] / counts.total() == pytest.approx(0.25, abs=0.05)
-    both = hj.Sequence([hj.Marks(), hj.PopUps()])
-    assert set(labels(CorruptionSampler(both)).values()) == {"marks+pop_ups"}
+    sequence = hj.Sequence([hj.Marks(), hj.PopUps()])
+    assert set(labels(CorruptionSampler(sequence)).values()) == {"marks+pop_ups"}
 
 
 def test_a_schedule_follows_the_epoch():

@@ -45,7 +45,7 @@ def marks(**values):
     return Draw(label="marks", planner=hj.make_corruption("marks", **values), key="k")
 
 
-def played(env, draw, *words, max_steps=5):
+def play_one(env, draw, *words, max_steps=5):
     return play([env], Says(*words), [request(draw)], max_steps=max_steps)[0]
 
 
@@ -60,7 +60,7 @@ def served():
 
 def test_a_rollout_is_played_and_judged(served):
     env, desktops, _ = served
-    rollout = played(env, marks(), CLICK, "DONE")
+    rollout = play_one(env, marks(), CLICK, "DONE")
     assert (rollout.status, rollout.success, len(rollout.turns)) == ("ok", 1.0, 2)
     assert rollout.is_well_formed
     first = rollout.turns[0].observation
@@ -79,20 +79,20 @@ def test_clean_rollouts_are_clean(served):
 
 def test_a_malformed_answer_is_seen_by_the_trainer(served):
     env, _, _ = served
-    rollout = played(env, marks(), "well, let me see", "DONE")
+    rollout = play_one(env, marks(), "well, let me see", "DONE")
     assert (rollout.success, rollout.is_well_formed) == (1.0, False)
 
 
 def test_a_rollout_that_is_cut_off_is_judged(served):
     env, _, service = served
-    rollout = played(env, marks(), CLICK, max_steps=2)
+    rollout = play_one(env, marks(), CLICK, max_steps=2)
     assert (rollout.status, rollout.success, len(rollout.turns)) == ("ok", 1.0, 2)
     until(lambda: service.pool.counts().lent == 0)
 
 
 def test_other_parameters_than_the_trainers_are_refused(served):
     env, _, service = served
-    rollout = played(env, marks(number=7), "DONE")
+    rollout = play_one(env, marks(number=7), "DONE")
     assert rollout.status == "error"
     assert "plays marks as" in rollout.problem
     assert "start the server with the trainer's corruptions" in rollout.problem
@@ -101,12 +101,12 @@ def test_other_parameters_than_the_trainers_are_refused(served):
 
 def test_a_corruption_that_is_not_served_is_an_error_of_the_rollout(served):
     env, _, _ = served
-    rollout = played(env, Draw(label="fog", planner=hj.make_corruption("marks"), key="k"), "DONE")
+    rollout = play_one(env, Draw(label="fog", planner=hj.make_corruption("marks"), key="k"), "DONE")
     assert (rollout.status, "no corruption 'fog' is served here" in rollout.problem) == (
         "error",
         True,
     )
-    assert played(env, marks(), "DONE").status == "ok"  # the next one connects anew
+    assert play_one(env, marks(), "DONE").status == "ok"  # the next one connects anew
 
 
 def test_a_desktop_that_ends_is_no_failure_of_the_policy(served):
@@ -115,7 +115,7 @@ def test_a_desktop_that_ends_is_no_failure_of_the_policy(served):
     desktops.stages[0].desktop.dead = True
     with pytest.raises(TrainError, match="the desktop ended in mid-episode"):
         env.step(CLICK)
-    assert played(env, marks(), "DONE").status == "ok"
+    assert play_one(env, marks(), "DONE").status == "ok"
 
 
 def test_a_server_that_is_not_there_is_named():
@@ -160,7 +160,7 @@ def test_the_samplers_draws_reach_the_server():
     with server(planners=planners) as (url, _):
         env = ServedEnv(url)
         for draw in draws:
-            rollout = played(env, draw, "DONE")
+            rollout = play_one(env, draw, "DONE")
             assert (rollout.status, rollout.problem) == ("ok", "")
             assert env.record["corruption"] == draw.label
         env.close()

@@ -26,12 +26,12 @@ RECORDINGS = "examples/recordings"
 @pytest.fixture(scope="module")
 def exports(tmp_path_factory):
     """The shipped recordings as 60 chat rows, and as onlooker data."""
-    place = tmp_path_factory.mktemp("exports")
+    folder = tmp_path_factory.mktemp("exports")
     for to, corruptions in (("chat", "marks,subtitle"), ("onlooker", "verification")):
-        dataset = place / f"{to}_dataset"
+        dataset = folder / f"{to}_dataset"
         build(RECORDINGS, str(dataset), corruptions=corruptions, seed=7, output="lazy")
-        export(dataset, place / to, to=to)
-    return place
+        export(dataset, folder / to, to=to)
+    return folder
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def config(tmp_path, chat):
     """A configuration: `config(**changes)` writes it and returns its path."""
 
     def write(**changes):
-        chosen = {
+        options = {
             "method": "sft",
             "model": str(tmp_path / "model"),
             "data": [str(chat())],
@@ -74,7 +74,7 @@ def config(tmp_path, chat):
             **changes,
         }
         path = tmp_path / "sft.yaml"
-        path.write_text(json.dumps(chosen))  # JSON is YAML
+        path.write_text(json.dumps(options))  # JSON is YAML
         return path
 
     return write
@@ -146,13 +146,13 @@ def test_held_out_and_reported_tasks_are_refused(config, chat, tmp_path):
 
 
 def test_the_authors_tasks_are_trained_on_with_their_split(config, chat, tmp_path):
-    theirs = set(members("agenthijack/training")) & set(members("osworld/held_out"))
+    held_out_tasks = set(members("agenthijack/training")) & set(members("osworld/held_out"))
     path = config()
-    folder = chat(min(theirs))
+    folder = chat(min(held_out_tasks))
     with pytest.raises(LeakError, match="osworld_split='agenthijack'"):
         run(path, "--out", tmp_path / "out")
     path = config(osworld_split="agenthijack")
-    chat(min(theirs))
+    chat(min(held_out_tasks))
     assert run(path, "--dry-run").stdout == f"{folder}: 3 rows\n"
 
 
@@ -230,8 +230,8 @@ def test_the_loss_goes_down(config, exports, tmp_path):
     out = tmp_path / "out"
     watched = ["--data", exports / "chat", "--data", exports / "onlooker" / "reminders"]
     constant = {"lr_scheduler_type": "constant", "use_cpu": True, "bf16": False}
-    chosen = {"accumulation": 1, "learning_rate": 0.01, "trl": constant}
-    result = run(config(**chosen), "--out", out, "--json", *watched)
+    options = {"accumulation": 1, "learning_rate": 0.01, "trl": constant}
+    result = run(config(**options), "--out", out, "--json", *watched)
     assert result.exit_code == 0, result.output
     summary = json.loads(result.stdout.splitlines()[-1])
     assert sum(summary["rows"].values()) >= 50
@@ -240,7 +240,7 @@ def test_the_loss_goes_down(config, exports, tmp_path):
     assert (out / "model" / "model.safetensors").is_file()
     assert json.loads((out / "summary.json").read_text()) == summary
     assert run(config(), "--out", out).exit_code == 2, "the folder is not empty"
-    again = run(config(**chosen, epochs=2), "--out", out, "--resume", "--json", *watched)
+    again = run(config(**options, epochs=2), "--out", out, "--resume", "--json", *watched)
     assert json.loads(again.stdout.splitlines()[-1])["steps"] > summary["steps"]
 
 

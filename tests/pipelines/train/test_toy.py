@@ -152,6 +152,6 @@ def test_the_loop_plays_the_toy():
     torch.manual_seed(0)
     draw = Draw(label="marks", planner=CORRUPTIONS["marks"], key="k")
     requests = [RolloutRequest(step=0, group=name, slot=0, seed=1, draw=draw) for name in NAMES]
-    played = play([ToyEnv() for _ in NAMES], ToyPolicy(ToyNetwork()), requests, max_steps=6)
-    assert all(rollout.counts and 1 <= len(rollout.turns) <= 6 for rollout in played)
-    assert len({len(rollout.turns) for rollout in played}) > 1
+    rollouts = play([ToyEnv() for _ in NAMES], ToyPolicy(ToyNetwork()), requests, max_steps=6)
+    assert all(rollout.counts and 1 <= len(rollout.turns) <= 6 for rollout in rollouts)
+    assert len({len(rollout.turns) for rollout in rollouts}) > 1

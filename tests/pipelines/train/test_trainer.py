@@ -61,51 +61,53 @@ def grpo(trainer, steps):
                 calls[i], score, *_ = envs[i].step(answer.action)
                 if envs[i].record is not None:
                     scores.append(score)
-        used, advantages = [], []
+        used_rollouts, advantages = [], []
         for first in range(0, len(requests), settings.rollouts):
             result = torch.tensor(scores[first : first + settings.rollouts])
             if bool((result == result[0]).all()):
                 continue
-            used += history[first : first + settings.rollouts]
+            used_rollouts += history[first : first + settings.rollouts]
             advantages.append((result - result.mean()) / (result.std() + 1e-6))
-        if not used:
+        if not used_rollouts:
             continue
-        chances, _ = policy.log_probs([turn for turns in used for turn in turns])
-        by_response = chances.view(len(used), -1)
+        chances, _ = policy.log_probs([turn for turns in used_rollouts for turn in turns])
+        by_response = chances.view(len(used_rollouts), -1)
         ratio = (by_response - by_response.detach()).exp()
         weight = torch.cat(advantages).unsqueeze(1)
         gain = torch.minimum(ratio * weight, ratio.clamp(0.8, 1.3) * weight)
         value = -gain.sum(1) / by_response.shape[1]
-        loss = (value * torch.full((len(used),), 1 / settings.rollouts)).sum() / settings.batch
+        loss = (
+            value * torch.full((len(used_rollouts),), 1 / settings.rollouts)
+        ).sum() / settings.batch
         optimiser.zero_grad()
         loss.backward()
         torch.nn.utils.clip_grad_norm_(policy.network().parameters(), settings.max_norm)
         optimiser.step()
 
 
-def test_clean_only_is_grpo_bit_for_bit(made):
-    ours = made()
+def test_clean_only_is_grpo_bit_for_bit(make_trainer):
+    ours = make_trainer()
     ours.run()
-    theirs = made()
-    before = weights(theirs)
-    grpo(theirs, ours.steps)
-    assert same(weights(ours), weights(theirs))
+    other_trainer = make_trainer()
+    before = weights(other_trainer)
+    grpo(other_trainer, ours.steps)
+    assert same(weights(ours), weights(other_trainer))
     assert not same(weights(ours), before)
-    all_clean = made(planner=hj.OneOf([hj.Marks()], p_clean=1.0), per="group")
+    all_clean = make_trainer(planner=hj.OneOf([hj.Marks()], p_clean=1.0), per="group")
     all_clean.run()
     assert same(weights(all_clean), weights(ours))
 
 
-def test_it_learns(made):
-    trainer = made(epochs=40)
+def test_it_learns(make_trainer):
+    trainer = make_trainer(epochs=40)
     reports = trainer.run()
     first = sum(report.success for report in reports[:6])
     last = sum(report.success for report in reports[-6:])
     assert last > first + 1
 
 
-def test_who_met_what_is_saved(made, tmp_path):
-    made(tmp_path, planner=CORRUPTED).run()
+def test_who_met_what_is_saved(make_trainer, tmp_path):
+    make_trainer(tmp_path, planner=CORRUPTED).run()
     result = rows(tmp_path)
     assert len(result) == 3 * 6 * 4
     assert {row["corruption"] for row in result} == {"marks", "resolution"}
@@ -113,8 +115,8 @@ def test_who_met_what_is_saved(made, tmp_path):
     assert len(rows(tmp_path, "steps.jsonl")) == 9
 
 
-def interrupted(made, folder, steps, extra):
-    trainer = made(folder, planner=CORRUPTED, replay=ReplayBuffer(), save_every=2)
+def interrupted(make_trainer, folder, steps, extra):
+    trainer = make_trainer(folder, planner=CORRUPTED, replay=ReplayBuffer(), save_every=2)
     for _ in range(steps):
         trainer.step()
         if trainer.step_number % 2 == 0:
@@ -124,71 +126,73 @@ def interrupted(made, folder, steps, extra):
 
 
 @pytest.mark.parametrize(("steps", "extra"), [(2, 0), (4, 1), (6, 2)])
-def test_a_resumed_run_has_the_same_future(made, tmp_path, steps, extra):
-    whole = made(tmp_path / "whole", planner=CORRUPTED, replay=ReplayBuffer(), save_every=2)
-    whole.run()
-    interrupted(made, tmp_path / "cut", steps, extra)
-    after = made(tmp_path / "cut", planner=CORRUPTED, replay=ReplayBuffer(), save_every=2)
+def test_a_resumed_run_has_the_same_future(make_trainer, tmp_path, steps, extra):
+    trainer = make_trainer(
+        tmp_path / "whole", planner=CORRUPTED, replay=ReplayBuffer(), save_every=2
+    )
+    trainer.run()
+    interrupted(make_trainer, tmp_path / "cut", steps, extra)
+    after = make_trainer(tmp_path / "cut", planner=CORRUPTED, replay=ReplayBuffer(), save_every=2)
     assert after.resume()
     assert after.step_number == steps
     after.run()
-    assert same(weights(whole), weights(after))
+    assert same(weights(trainer), weights(after))
     for name in ("rollouts.jsonl", "steps.jsonl"):
         assert (tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
 
 
-def test_nothing_to_resume(made, tmp_path):
-    made(tmp_path).step()  # killed before its first checkpoint
-    again = made(tmp_path)
+def test_nothing_to_resume(make_trainer, tmp_path):
+    make_trainer(tmp_path).step()  # killed before its first checkpoint
+    again = make_trainer(tmp_path)
     assert not again.resume()
     again.run()
     assert len(rows(tmp_path, "steps.jsonl")) == 9
 
 
-def test_the_checkpoint_of_another_run_is_refused(made, tmp_path):
-    made(tmp_path).run()
-    second = made(tmp_path, learning_rate=0.1)
+def test_the_checkpoint_of_another_run_is_refused(make_trainer, tmp_path):
+    make_trainer(tmp_path).run()
+    second = make_trainer(tmp_path, learning_rate=0.1)
     with pytest.raises(TrainError, match="another run; it differs in settings"):
         second.resume()
 
 
-def test_another_replay_seed_is_another_run(made, tmp_path):
-    made(tmp_path, replay=ReplayBuffer(seed=1)).run()
+def test_another_replay_seed_is_another_run(make_trainer, tmp_path):
+    make_trainer(tmp_path, replay=ReplayBuffer(seed=1)).run()
     with pytest.raises(TrainError, match="another run; it differs in replay"):
-        made(tmp_path, replay=ReplayBuffer(seed=2)).resume()
+        make_trainer(tmp_path, replay=ReplayBuffer(seed=2)).resume()
 
 
-def test_the_checkpoint_of_another_network_is_refused_and_the_logs_stay(made, tmp_path):
-    trainer = made(tmp_path)
+def test_the_checkpoint_of_another_network_is_refused_and_the_logs_stay(make_trainer, tmp_path):
+    trainer = make_trainer(tmp_path)
     trainer.step()
     trainer.save()
     trainer.step()
     before = (tmp_path / "rollouts.jsonl").read_bytes()
-    second = made(tmp_path)
+    second = make_trainer(tmp_path)
     second.policy.net = torch.nn.Linear(3, 4)
     with pytest.raises(TrainError, match=r"of another network \(.*size mismatch"):
         second.resume()
     assert (tmp_path / "rollouts.jsonl").read_bytes() == before
 
 
-def test_a_damaged_checkpoint_is_refused(made, tmp_path):
-    made(tmp_path).run()
+def test_a_damaged_checkpoint_is_refused(make_trainer, tmp_path):
+    make_trainer(tmp_path).run()
     path = tmp_path / "checkpoint.pt"
     path.write_bytes(path.read_bytes()[:200])
     with pytest.raises(TrainError, match="cannot be read as a checkpoint"):
-        made(tmp_path).resume()
+        make_trainer(tmp_path).resume()
 
 
-def test_a_log_that_was_shortened_is_refused(made, tmp_path):
-    made(tmp_path).run()
+def test_a_log_that_was_shortened_is_refused(make_trainer, tmp_path):
+    make_trainer(tmp_path).run()
     (tmp_path / "rollouts.jsonl").write_text("")
     with pytest.raises(TrainError, match="shortened"):
-        made(tmp_path).resume()
+        make_trainer(tmp_path).resume()
 
 
-def test_an_environment_that_fails_is_left_out(made, tmp_path):
+def test_an_environment_that_fails_is_left_out(make_trainer, tmp_path):
     output = []
-    trainer = made(tmp_path, fails=("say-1",), report=output.append)
+    trainer = make_trainer(tmp_path, fails=("say-1",), report=output.append)
     reports = trainer.run()
     assert len(reports) == 9
     failed = [row for row in rows(tmp_path) if row["status"] == "error"]
@@ -198,9 +202,9 @@ def test_an_environment_that_fails_is_left_out(made, tmp_path):
     assert any("a group of 0 teaches nothing" in line for line in output)
 
 
-def test_one_rollout_that_is_left_is_no_group(made):
+def test_one_rollout_that_is_left_is_no_group(make_trainer):
     output = []
-    trainer = made(report=output.append, batch=1, tasks=("say-1",))
+    trainer = make_trainer(report=output.append, batch=1, tasks=("say-1",))
     for env in trainer._environments[:3]:
         env.fails = ("say-1",)
     before = weights(trainer)
@@ -209,21 +213,21 @@ def test_one_rollout_that_is_left_is_no_group(made):
     assert any("a group of 1 teaches nothing" in line for line in output)
 
 
-def test_if_nothing_can_be_played_the_run_ends(made):
+def test_if_nothing_can_be_played_the_run_ends(make_trainer):
     with pytest.raises(TrainError, match=r"none of 8 rollouts could be played.*no desktop"):
-        made(fails=("say-0", "say-1", "say-2", "say-3", "say-0-0", "say-0-1")).run()
+        make_trainer(fails=("say-0", "say-1", "say-2", "say-3", "say-0-0", "say-0-1")).run()
 
 
-def test_equal_rewards_change_nothing(made):
-    trainer = made(tasks=("say-9",), batch=1)  # no answer is right
+def test_equal_rewards_change_nothing(make_trainer):
+    trainer = make_trainer(tasks=("say-9",), batch=1)  # no answer is right
     before = weights(trainer)
     report = trainer.step()
     assert (report.equal, report.groups, report.loss) == (1, 0, None)
     assert same(before, weights(trainer))
 
 
-def test_a_loss_that_is_no_number_stops_before_the_step(made, tmp_path):
-    trainer = made(tmp_path)
+def test_a_loss_that_is_no_number_stops_before_the_step(make_trainer, tmp_path):
+    trainer = make_trainer(tmp_path)
     trainer.step()
     trainer.save()
     before = weights(trainer)
@@ -237,24 +241,24 @@ def test_a_loss_that_is_no_number_stops_before_the_step(made, tmp_path):
     with pytest.raises(TrainError, match="loss or its gradient is nan"):
         trainer.run()
     assert same(before, weights(trainer))
-    assert made(tmp_path).resume()
+    assert make_trainer(tmp_path).resume()
 
 
-def test_replay_acts_in_the_loop(made, tmp_path):
+def test_replay_acts_in_the_loop(make_trainer, tmp_path):
     replay = ReplayBuffer()
-    trainer = made(tmp_path, replay=replay, epochs=12, rollouts=2, seed=1)
+    trainer = make_trainer(tmp_path, replay=replay, epochs=12, rollouts=2, seed=1)
     reports = trainer.run()
     assert len(replay) > 0
     assert sum(report.replayed for report in reports) > 0
 
 
-def test_wrong_arguments(made):
+def test_wrong_arguments(make_trainer):
     with pytest.raises(ParameterError, match="given twice"):
-        made(tasks=("say-1", "say-1"))
+        make_trainer(tasks=("say-1", "say-1"))
     with pytest.raises(ParameterError, match="there are none"):
-        made(tasks=())
+        make_trainer(tasks=())
     with pytest.raises(ParameterTypeError, match=r"a list of names, such as \['say-1'\]"):
-        made(tasks="say-1")
+        make_trainer(tasks="say-1")
 
 
 @pytest.mark.parametrize(

@@ -107,8 +107,8 @@ def words():
 
 
 @pytest.fixture
-def made(tmp_path, words):
-    """Make a trainer: `made(says=..., make=..., replay=..., tasks=..., **config)`."""
+def make_trainer(tmp_path, words):
+    """Make a trainer: `make_trainer(says=..., make=..., replay=..., tasks=..., **config)`."""
 
     def build(
         says=expert,
@@ -187,8 +187,8 @@ def counting(trainer):
     return counts
 
 
-def test_an_optimiser_step_with_pictures_and_a_corruption_a_rollout(made, tmp_path):
-    trainer = made()
+def test_an_optimiser_step_with_pictures_and_a_corruption_a_rollout(make_trainer, tmp_path):
+    trainer = make_trainer()
     before = parameters(trainer)
     entries = {}
     forward = trainer.model.forward
@@ -208,9 +208,9 @@ def test_an_optimiser_step_with_pictures_and_a_corruption_a_rollout(made, tmp_pa
     assert logged["rewards/format_reward/mean"] == 0.0
     assert logged["grad_norm"] > 0
     after = parameters(trainer)
-    moved = {name for name in after if not torch.equal(after[name], before[name])}
-    assert any("visual" in name for name in moved), "the gradient reaches the pictures"
-    assert any("language_model" in name for name in moved)
+    trained_names = {name for name in after if not torch.equal(after[name], before[name])}
+    assert any("visual" in name for name in trained_names), "the gradient reaches the pictures"
+    assert any("language_model" in name for name in trained_names)
     assert entries["pixel_values"][0] > 0
     rows = log_of(tmp_path)
     assert [row["task"] for row in rows] == [TASKS[0]] * 2 + [TASKS[1]] * 2
@@ -225,13 +225,15 @@ def test_an_optimiser_step_with_pictures_and_a_corruption_a_rollout(made, tmp_pa
     assert rows[0]["turns"] >= 2
 
 
-def test_a_stored_success_takes_the_place_of_a_failure(made, tmp_path):
+def test_a_stored_success_takes_the_place_of_a_failure(make_trainer, tmp_path):
     def first_step_only(number, turn, env):
         if trainer.state.global_step == 0:
             return expert(number, turn, env)
         return "" if env.record is not None else call("DONE")
 
-    trainer = made(first_step_only, replay=ReplayBuffer(seed=3), max_steps=2, tasks=TASKS[:1])
+    trainer = make_trainer(
+        first_step_only, replay=ReplayBuffer(seed=3), max_steps=2, tasks=TASKS[:1]
+    )
     trainer.train()
     first, second = [row for row in trainer.state.log_history if "reward" in row]
     assert first["rewards/TrlEnvironment/mean"] == 0.5
@@ -242,8 +244,10 @@ def test_a_stored_success_takes_the_place_of_a_failure(made, tmp_path):
     assert {row["step"] for row in rows} == {0, 1}
 
 
-def test_without_replay_equal_rewards_teach_nothing(made):
-    trainer = made(lambda number, turn, env: "" if env.record else call("DONE"), weight_decay=0.0)
+def test_without_replay_equal_rewards_teach_nothing(make_trainer):
+    trainer = make_trainer(
+        lambda number, turn, env: "" if env.record else call("DONE"), weight_decay=0.0
+    )
     before = parameters(trainer)
     trainer.train()
     logged = trainer.state.log_history[0]
@@ -261,8 +265,8 @@ def test_without_replay_equal_rewards_teach_nothing(made):
     ],
     ids=["malformed", "no call", "done"],
 )
-def test_reward_is_success_and_format(made, tmp_path, says, well_formed):
-    trainer = made(says, tasks=TASKS[:1])
+def test_reward_is_success_and_format(make_trainer, tmp_path, says, well_formed):
+    trainer = make_trainer(says, tasks=TASKS[:1])
     trainer.train()
     logged = trainer.state.log_history[0]
     assert logged["rewards/format_reward/mean"] == (0.0 if well_formed else -1.0)
@@ -280,9 +284,9 @@ class Broken(ToyEnv):
         return super().reset(seed=seed, options=options)
 
 
-def test_an_environment_that_fails_in_reset_loses_its_rollouts_only(made, tmp_path):
+def test_an_environment_that_fails_in_reset_loses_its_rollouts_only(make_trainer, tmp_path):
     output = []
-    trainer = made(make=Broken, report=output.append)
+    trainer = make_trainer(make=Broken, report=output.append)
     trainer.train()
     assert trainer.state.log_history[0]["rewards/TrlEnvironment/mean"] == 0.5  # of the two left
     assert format_reward([[]] * 4, trainer.environments) == [None, None, 0.0, 0.0]
@@ -292,23 +296,23 @@ def test_an_environment_that_fails_in_reset_loses_its_rollouts_only(made, tmp_pa
     assert output[0].startswith("batch 0: toy-00000, rollout 0 is left out: error, reset")
 
 
-def test_a_batch_that_cannot_be_played_ends_the_run(made):
-    trainer = made(make=Broken, tasks=TASKS[:1])
+def test_a_batch_that_cannot_be_played_ends_the_run(make_trainer):
+    trainer = make_trainer(make=Broken, tasks=TASKS[:1])
     with pytest.raises(TrainError, match="none of 2 rollouts could be played"):
         trainer.train()
 
 
-def test_a_loss_that_is_not_finite_ends_the_run(made):
-    trainer = made()
+def test_a_loss_that_is_not_finite_ends_the_run(make_trainer):
+    trainer = make_trainer()
     with torch.no_grad():
         trainer.model.lm_head.weight.fill_(float("nan"))
     with pytest.raises(TrainError, match="the loss is nan; no step was taken"):
         trainer.train()
 
 
-def test_unknown_and_held_out_tasks_are_refused(made):
+def test_unknown_and_held_out_tasks_are_refused(make_trainer):
     with pytest.raises(UnknownNameError, match="toy-x"):
-        made(tasks=("toy-x",)).train()
+        make_trainer(tasks=("toy-x",)).train()
     with pytest.raises(LeakError, match="toy-10000"):
         training_rows(["toy-10000"], HOW)
     with pytest.raises(LeakError, match="reported"):
@@ -331,9 +335,9 @@ def test_replay_needs_whole_groups():
         DAGRPOTrainer(None, environment_factory=environments, replay=ReplayBuffer())
 
 
-def test_the_loss_is_ours(made):
+def test_the_loss_is_ours(make_trainer):
     """TRL's advantage and loss, of one batch, against `pipelines.train.objective`."""
-    trainer = made(rollouts=4, tasks=TASKS[:1])
+    trainer = make_trainer(rollouts=4, tasks=TASKS[:1])
     torch.manual_seed(0)
     mask = (torch.rand(4, 6) < 0.7).long()
     mask[:, 0] = 1
@@ -352,9 +356,9 @@ def test_the_loss_is_ours(made):
         "advantages": advantages,
         "old_per_token_logps": old,
     }
-    theirs = trainer._compute_loss(trainer.model, inputs)
+    reference = trainer._compute_loss(trainer.model, inputs)
     ours = clipped_loss(new, old, advantages, mask.bool()).mean()
-    assert torch.allclose(theirs, ours, atol=1e-6)
+    assert torch.allclose(reference, ours, atol=1e-6)
 
 
 def test_the_example_runs_from_a_folder(tmp_path, words):

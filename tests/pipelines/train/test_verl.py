@@ -135,10 +135,10 @@ def play(words, net, monkeypatch):
                 hf_model_type="qwen3_vl",
                 **loop_options,
             )
-            taken = loop._take_idle
+            take_idle = loop._take_idle
 
             def spy():
-                key, episode = taken()
+                key, episode = take_idle()
                 server.env = lambda: episode._env
                 return key, episode
 
@@ -168,11 +168,11 @@ def test_an_episode_as_verl_takes_it(play):
     assert output.reward_score == 1.0
     assert len(output.response_ids) == len(output.response_mask) == len(output.response_logprobs)
     assert 0 < sum(output.response_mask) < len(output.response_mask)
-    drawn = CorruptionSampler(make_planner(CORRUPTIONS), seed=7).draw(
+    planner = CorruptionSampler(make_planner(CORRUPTIONS), seed=7).draw(
         step=3, group="toy-00000", slot=1
     )
     facts = output.extra_fields["reward_extra_info"]
-    assert facts["corruption"] == drawn.label
+    assert facts["corruption"] == planner.label
     assert facts["success"] == 1.0
 
 
@@ -244,22 +244,22 @@ def test_losses_of_a_step_are_ours(play, words, net):
     mask = data.batch["response_mask"]
     rewards = data.batch["rm_scores"].sum(-1)
     assert rewards.tolist() == [1.0, 0.0]
-    theirs, _ = compute_grpo_outcome_advantage(
+    reference, _ = compute_grpo_outcome_advantage(
         data.batch["rm_scores"], mask.float(), np.array(["a", "a"])
     )
     ours = group_advantage(rewards)
-    assert torch.allclose(theirs.amax(1) + theirs.amin(1), ours, atol=1e-5)
+    assert torch.allclose(reference.amax(1) + reference.amin(1), ours, atol=1e-5)
     new = torch.stack([_log_probs(net, data, row) for row in range(2)])
     old = new.detach() + 0.5 * torch.randn_like(new).detach()
     loss, *_ = compute_policy_loss_vanilla(
-        old, new, theirs, mask.float(), loss_agg_mode="seq-mean-token-mean", config=_actor()
+        old, new, reference, mask.float(), loss_agg_mode="seq-mean-token-mean", config=_actor()
     )
     expected = clipped_loss(new, old, ours, mask.bool()).mean()
     assert torch.allclose(loss, expected, atol=1e-5)
     loss.backward()
-    moved = [name for name, item in net.named_parameters() if item.grad is not None]
-    assert any("visual" in name for name in moved)
-    assert any("language_model" in name for name in moved)
+    trained_names = [name for name, item in net.named_parameters() if item.grad is not None]
+    assert any("visual" in name for name in trained_names)
+    assert any("language_model" in name for name in trained_names)
 
 
 def _log_probs(net, data, row):
@@ -440,12 +440,12 @@ def test_a_stored_success_takes_the_place_of_a_failure(queue):
     rows = tq.kv_batch_get(keys=second.keys, partition_id="train")
     rewards = [float(rows[i]["rm_scores"].sum()) for i in range(2)]
     assert sorted(rewards) == [0.0, 1.0]
-    place = rewards.index(1.0)
-    row = rows[place]
+    index = rewards.index(1.0)
+    row = rows[index]
     assert row["responses"].tolist() == [100] * 4, "the tokens of step 1"
     assert row["uid"] == "bb", "in the group of step 2"
     assert int(row["global_steps"]) == 2
-    assert second.tags[place]["response_len"] == 4
+    assert second.tags[index]["response_len"] == 4
     tq.kv_clear(keys=second.keys, partition_id="train")
     _put("cc", [0.0, -1.0], step=3)
     third, _ = buffer.sample(3, "train", 1)

@@ -28,14 +28,16 @@ def test_the_index_filters_counts_and_searches_as_a_list_does(
 ) -> None:
     index = Index(["fidelity"])
     for first in range(0, len(rows), part):
-        some = rows[first : first + part]
+        part_rows = rows[first : first + part]
         columns = {
-            "corruption": [c for c, _, _ in some],
-            "instruction": [i for _, i, _ in some],
-            "group": ["g"] * len(some),
+            "corruption": [c for c, _, _ in part_rows],
+            "instruction": [i for _, i, _ in part_rows],
+            "group": ["g"] * len(part_rows),
         }
-        numbers = range(2 * first, 2 * first + 2 * len(some), 2)
-        index.extend(numbers, [f"B/{n:04d}" for n in numbers], [s for _, _, s in some], columns)
+        numbers = range(2 * first, 2 * first + 2 * len(part_rows), 2)
+        index.extend(
+            numbers, [f"B/{n:04d}" for n in numbers], [s for _, _, s in part_rows], columns
+        )
     index.finish()
 
     def found(n: int) -> bool:
@@ -45,13 +47,13 @@ def test_the_index_filters_counts_and_searches_as_a_list_does(
         )
 
     matches = [n for n, row in enumerate(rows) if found(n)]
-    both = [n for n in matches if rows[n][0] == corruption]
-    assert index.select({"corruption": corruption}, text).tolist() == both
+    matching_rows = [n for n in matches if rows[n][0] == corruption]
+    assert index.select({"corruption": corruption}, text).tolist() == matching_rows
     counts = index.counts({"corruption": corruption}, text, ["corruption", "fidelity"])
     assert {k: v for k, v in counts["corruption"].items() if v} == {
         c: n for c in {row[0] for row in rows} if (n := sum(rows[m][0] == c for m in matches))
     }
-    assert sum(counts["fidelity"].values()) == len(both)
+    assert sum(counts["fidelity"].values()) == len(matching_rows)
     for n, row in enumerate(rows):
         assert index.at(2 * n) == n
         assert index.at(2 * n + 1) is None

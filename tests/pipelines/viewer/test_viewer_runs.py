@@ -51,14 +51,14 @@ def test_the_list_has_every_episode_with_its_outcome(played: Path) -> None:
     assert outcomes[MARKS] == "failure"
     assert outcomes[MINIMISED] == "partial"
     assert outcomes[episode_id("rename_file", "clean", "gpt-9")] == "agent error"
-    place = number_of(source, MARKS)
-    assert about["numbers"]["tokens"][place] == 9270
-    assert about["numbers"]["score"][place] == 0.0
+    number = number_of(source, MARKS)
+    assert about["numbers"]["tokens"][number] == 9270
+    assert about["numbers"]["score"][number] == 0.0
     assert (
         about["numbers"]["tokens"][number_of(source, episode_id("write_note", "marks", "pixel"))]
         is None
     )
-    assert values(about, "instruction")[place].startswith("Write a short packing list")
+    assert values(about, "instruction")[number].startswith("Write a short packing list")
     assert about["counts"] == [1] * 12
     json.dumps(about, allow_nan=False)
 
@@ -197,14 +197,14 @@ def test_a_small_run_is_shown(tmp_path: Path) -> None:
 
 
 def test_a_log_needs_no_bench_around_it(harmed: Path, played: Path) -> None:
-    whole = run_of(played)
+    run = run_of(played)
     for name in ("run.json", "records.jsonl"):
         (harmed / name).unlink()
     bare = run_of(harmed)
     assert (len(bare.entries), bare.problems) == (12, [])
     assert [entry.problem for entry in bare.entries] == [""] * 12
     number = number_of(bare, MARKS)
-    assert bare.episode(number)["steps"] == whole.episode(number_of(whole, MARKS))["steps"]
+    assert bare.episode(number)["steps"] == run.episode(number_of(run, MARKS))["steps"]
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{", '{"format": "x"}', "[" * 100_000])

@@ -157,8 +157,12 @@ def test_nothing_outside_the_run_is_read(harmed: Path) -> None:
     source = open_source(harmed)
     assert isinstance(source, RunSource)
     number = [entry.id for entry in source.entries].index(MARKS)
-    lost = [step["lost"] for step in source.episode(number)["steps"]]
-    assert ["leaves" in lost[0], "absolute" in lost[1], "names no picture" in lost[2]] == [True] * 3
+    lost_values = [step["lost"] for step in source.episode(number)["steps"]]
+    assert [
+        "leaves" in lost_values[0],
+        "absolute" in lost_values[1],
+        "names no picture" in lost_values[2],
+    ] == [True] * 3
     for step, before in ((0, False), (1, False), (2, False), (3, True)):
         with pytest.raises(HijackError):
             source.picture(number, step, before)
@@ -182,8 +186,8 @@ def test_lines_without_an_id_are_problems_of_the_run(harmed: Path) -> None:
     )
     assert len(source.entries) == 12
     entries = {entry.id: entry.problem for entry in source.entries}
-    gone = json.loads(lines[0])["id"]
-    assert entries[gone].startswith("records.jsonl has no line of it")
+    missing_id = json.loads(lines[0])["id"]
+    assert entries[missing_id].startswith("records.jsonl has no line of it")
 
 
 def test_a_journal_without_hashes_is_one_problem(harmed: Path) -> None:

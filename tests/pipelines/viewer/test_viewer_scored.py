@@ -28,19 +28,19 @@ def scored(tmp_path_factory: pytest.TempPathFactory, pictures: Any) -> Path:
     build(pictures(home / "source", 1, 2), home / "rows", corruptions=planners, output="lazy")
     run = ScoreRun(ScoreSettings(dataset=home / "rows", agents=("random",)))
     with run.begin(home / "run", False):
-        left = run.remaining_cases(home / "run")
-        run.play(home / "run", left, lambda *_: None, lambda *_: None)
+        remaining = run.remaining_cases(home / "run")
+        run.play(home / "run", remaining, lambda *_: None, lambda *_: None)
     return home
 
 
-def opened(folder: Path) -> RunSource:
+def open_run(folder: Path) -> RunSource:
     source = open_source(folder)
     assert isinstance(source, RunSource)
     return source
 
 
 def test_every_answer_is_an_episode_of_one_step(scored: Path) -> None:
-    source = opened(scored / "run")
+    source = open_run(scored / "run")
     rows = open_dataset(scored / "rows")
     assert source.problems == []
     assert len(source.entries) == len(rows)
@@ -70,20 +70,20 @@ def test_a_dataset_that_is_gone_or_another_is_said(scored: Path, tmp_path: Path)
     head = json.loads((tmp_path / "run" / "run.json").read_text())
     head["config"]["source"] = "/nowhere/rows"
     (tmp_path / "run" / "run.json").write_text(json.dumps(head))
-    gone = opened(tmp_path / "run")
-    assert any("'/nowhere/rows' that was scored is not there" in text for text in gone.problems)
-    data = gone.episode(0)
+    source = open_run(tmp_path / "run")
+    assert any("'/nowhere/rows' that was scored is not there" in text for text in source.problems)
+    data = source.episode(0)
     assert "is not there" in data["problems"][0]
     assert (len(data["steps"]), dict(data["fields"])["status"]) == (1, "ok")
     with pytest.raises(HijackError, match="is not there"):
-        gone.picture(0, 0, False)
+        source.picture(0, 0, False)
     shutil.copytree(scored / "rows", tmp_path / "rows")  # beside the run it is found again
-    assert opened(tmp_path / "run").episode(0)["steps"][0]["lost"] == ""
+    assert open_run(tmp_path / "run").episode(0)["steps"][0]["lost"] == ""
     records = read_lines(tmp_path / "run" / "records.jsonl")
     records[0]["image_sha256"] = "0" * 64
     records[1]["row"] = "nobody"
     write_lines(tmp_path / "run" / "records.jsonl", records)
-    second = opened(tmp_path / "run")
+    second = open_run(tmp_path / "run")
     with pytest.raises(HijackError, match="not the picture that the agent was shown"):
         second.picture(0, 0, False)
     with pytest.raises(HijackError, match="has no row 'nobody'"):

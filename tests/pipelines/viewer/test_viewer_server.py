@@ -117,9 +117,9 @@ def test_only_the_address_with_the_token_is_answered(dataset: Path) -> None:
         for cookie in ("", f"{server.cookie}=", f"{server.cookie}={second.token}", "a=b; ;=\x00"):
             for path in ("/", "/api/about", "/picture/0", f"/?token={second.token}", "/?token="):
                 assert fetch(server, path, Cookie=cookie)[0] == 401, (cookie, path)
-        for path, place in (("/", "/"), ("//evil.example/x", "/evil.example/x")):
+        for path, target in (("/", "/"), ("//evil.example/x", "/evil.example/x")):
             status, _, headers = fetch(server, f"{path}?token={server.token}", Cookie="")
-            assert (status, headers["Location"]) == (303, place)
+            assert (status, headers["Location"]) == (303, target)
             cookie = headers["Set-Cookie"]
             assert {"HttpOnly", "SameSite=Strict"} <= set(cookie.split("; "))
             assert fetch(server, "/api/about", Cookie=cookie.partition(";")[0])[0] == 200
