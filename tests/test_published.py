@@ -47,7 +47,7 @@ def test_the_tables_of_pages_are_those_of_the_records(published_table):
         page = (RESULTS / name / "about.md").read_text(encoding="utf-8")
         run = published_run(name)
         for kind, value in published_table.TABLES[name].items():
-            assert published_table.written(page, kind) == value(run).strip(), REMEDY
+            assert published_table.read_block(page, kind) == value(run).strip(), REMEDY
 
 
 def test_the_readme_counts_the_episodes_of_its_figure():

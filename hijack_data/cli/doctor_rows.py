@@ -20,6 +20,7 @@ PURPOSES = {
     "agents": "models behind APIs as agents",
     "inspect": "benchmarks as tasks of Inspect",
     "mcp": "episodes for any MCP client",
+    "search": "the worst corruptions for an agent",
     "agent-s": "Agent S3, in an environment of its own",
     "cua": "cua-agent, in an environment of its own",
     "serve": "desktops behind an OpenEnv server",

@@ -20,8 +20,6 @@ from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner
 from hijack_data.types import Size
 
-from ..environment.script import Script
-
 FORMAT = "agenthijack-plan-set"
 VERSION = 1
 PLANNED_STEPS = 15  # steps of an episode whose plans are compared when the file is read
@@ -142,6 +140,8 @@ def plan_episode(planner: Planner, size: Size) -> Sequence[Plan]:
     Raises:
         HijackError: it cannot be planned there.
     """
+    from ..environment.script import Script  # its package needs Linux or macOS
+
     return Script(planner, 0, "", (), size).plan_ahead(PLANNED_STEPS)
 
 
