@@ -15,8 +15,9 @@ seeds are reported. Rates are for two cores.
     ablation_intensity  10 tasks, 13 conditions, pixel: 130 episodes, about 40 minutes
     ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
-    everyday            6 quick tasks of core, clean and under the five faults of the set everyday,
+    everyday            12 quick tasks of core, clean and under the five faults of the set everyday,
                         three agents: 108 episodes
+    everyday_others     the same for the other 12 tasks of core: 216 episodes, about an hour
     everyday_guarded    the same for pixel with the guard rules: 72 episodes
     everyday_levels     3 longer tasks, three of the faults at five severities: 48 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
@@ -58,6 +59,11 @@ QUICK = (
     "compare_products,copy_folder,list_items,finish_draft,tick_items,delete_bookmarks,"
     "register_course"
 )
+OTHERS = (
+    "compare_ferries,copy_template,crop_picture,delete_rows,fill_amounts,mirror_picture,"
+    "open_locked_archive,register_couple,register_from_mail,replace_on_slides,set_variable,"
+    "write_notes"
+)
 EVERYDAY = ("embedded_core", "--tasks", QUICK, "--corruptions", "everyday")
 # The three quickest with more than twelve actions, so that a fault at step 12 hits them, too.
 LONGER = "copy_folder,tick_items,delete_bookmarks"
@@ -79,6 +85,10 @@ PLAYED = {
         *("--corruptions", ",".join(name for name in LABELS if name != "resolution")),
     ),
     "everyday": (*EVERYDAY, "--agent", "oracle,recovering,pixel"),
+    "everyday_others": (
+        *("embedded_core", "--tasks", OTHERS, "--corruptions", "everyday"),
+        *("--agent", "oracle,recovering,pixel"),
+    ),
     "everyday_guarded": (*EVERYDAY, "--agent", "pixel", "--guard", "rules"),
     "everyday_levels": (
         *("embedded_core", "--tasks", LONGER, "--corruptions", LEVELS),

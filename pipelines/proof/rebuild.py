@@ -64,14 +64,15 @@ class RebuildReport(Findings):
         failed = quantity(len(self.problems), "problem")
         if self.answers is not None:
             state = "nothing differs" if self.ok else failed
-            return f"{self.answers} answers to rows of a dataset: {state}"
+            return f"{quantity(self.answers, 'answer')} to rows of a dataset: {state}"
         if self.records is not None:
             state = "the records agree with each other" if self.ok else failed
-            return f"{self.records} records: {state}; no steps were published"
+            return f"{quantity(self.records, 'record')}: {state}; no steps were published"
         state = "all identical" if self.ok else failed
         unfinished = f", {self.unfinished} unfinished" if self.unfinished else ""
-        observations = f"{self.steps} observations, {self.disturbed} of them disturbed"
-        return f"{self.episodes} episodes{unfinished}, {observations}, made again: {state}"
+        observations = f"{quantity(self.steps, 'observation')}, {self.disturbed} of them disturbed"
+        episodes = quantity(self.episodes, "episode")
+        return f"{episodes}{unfinished}, {observations}, made again: {state}"
 
 
 def is_run(folder: str | os.PathLike[str]) -> bool:
