@@ -72,11 +72,13 @@ def test_all_nine_on_a_task_that_is_scored(stage, tmp_path, name):
     # The agent's own way to the goal: by keyboard it would need an application, this is about the
     # score.
     env.step("open('/home/user/made', 'w').write('yes')")
-    assert env.step("DONE")[1:4] == (1.0, True, False)
+    # Code is refused while the picture has another size: nobody knows what it points at.
+    score = 0.0 if name == "resolution" else 1.0
+    assert env.step("DONE")[1:4] == (score, True, False)
     record = env.record
     assert (record["status"], record["score"], record["task"], record["apps"]) == (
         "ok",
-        1.0,
+        score,
         "t-1",
         ["file_manager"],
     )
