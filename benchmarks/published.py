@@ -16,7 +16,7 @@ seeds are reported. Rates are for two cores.
     ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
     everyday            12 quick tasks of core, clean and under the five faults of the set everyday,
-                        three agents: 108 episodes
+                        three agents: 216 episodes
     everyday_others     the same for the other 12 tasks of core: 216 episodes, about an hour
     everyday_guarded    the same for pixel with the guard rules: 72 episodes
     everyday_levels     3 longer tasks, three of the faults at five severities: 48 episodes

@@ -46,16 +46,16 @@ def differences(run: Run, *agents: str) -> str:
     return _markdown(titles, table)
 
 
-def pooled(run: Run, other: str, *agents: str) -> str:
+def pooled_differences(run: Run, published: str, *agents: str) -> str:
     """Return the table of differences of a run and of a published one with other tasks.
 
     Args:
         run: the run.
-        other: the published result, played in the same way.
+        published: the name of the published result, played in the same way.
         agents: the agents, in the order of the columns.
     """
-    other_run = reading.read(RESULTS / other / "run")
-    return differences(replace(run, records=[*other_run.records, *run.records]), *agents)
+    published_run = reading.read(RESULTS / published / "run")
+    return differences(replace(run, records=[*published_run.records, *run.records]), *agents)
 
 
 def domains(run: Run, agent: str) -> str:
@@ -201,7 +201,7 @@ TABLES: Mapping[str, Mapping[str, Table]] = {
     "everyday_others": {
         "differences": lambda run: differences(run, "oracle", "recovering", "pixel"),
         "faults": lambda run: faults(run, "oracle", "recovering", "pixel"),
-        "differences in all 24 tasks": lambda run: pooled(
+        "differences in all 24 tasks": lambda run: pooled_differences(
             run, "everyday", "oracle", "recovering", "pixel"
         ),
     },

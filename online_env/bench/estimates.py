@@ -6,8 +6,8 @@ folders; otherwise as much as the oracle needed for the task
 """
 
 import heapq
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from glob import glob
 from pathlib import Path
@@ -223,12 +223,20 @@ def history_near(out: Path | None) -> History:
     ]
     by_age: dict[Path, float] = {}
     for head in (run_folder / RUN, *(parent / name for name in neighbours)):
-        with suppress(OSError):
-            status = head.stat()
-            if S_ISREG(status.st_mode):
-                by_age[head.resolve().parent] = status.st_mtime
+        status = _file_status(head)
+        if status is not None:
+            by_age[head.resolve().parent] = status.st_mtime
     newest = sorted(by_age, key=by_age.__getitem__, reverse=True)
     return read_history(newest[:MAX_RUNS])
+
+
+def _file_status(path: Path) -> os.stat_result | None:
+    """Return the status of a file; `None` if it is no file or has gone meanwhile."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status if S_ISREG(status.st_mode) else None
 
 
 def read_history(folders: Sequence[Path]) -> History:
@@ -300,9 +308,6 @@ def _sizes(folder: Path, records: Sequence[ResultRecord]) -> Iterator[float]:
         if record is None or not isinstance(record.get("steps"), int):
             continue
         files = glob("**", root_dir=folder / EPISODES / name, recursive=True, include_hidden=True)
-        size = 0
-        for file in files:
-            with suppress(OSError):
-                status = (folder / EPISODES / name / file).stat()
-                size += status.st_size if S_ISREG(status.st_mode) else 0
+        statuses = (_file_status(folder / EPISODES / name / file) for file in files)
+        size = sum(status.st_size for status in statuses if status is not None)
         yield size / (record["steps"] + 1)

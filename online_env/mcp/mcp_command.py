@@ -112,8 +112,8 @@ def mcp(
     for option in ("token_file", "host"):
         is_set = context.get_parameter_source(option) is not ParameterSource.DEFAULT
         if port is None and is_set:
-            name = f"--{option.replace('_', '-')}"
-            raise click.UsageError(f"{name} is for HTTP: give --port, too")
+            flag = f"--{option.replace('_', '-')}"
+            raise click.UsageError(f"{flag} is for HTTP: give --port, too")
     from ..bench.config import Bench, override
     from ..record_command import parse_size
     from ..serving.access import read_token
