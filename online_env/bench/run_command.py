@@ -16,6 +16,7 @@ from hijack_data.runs import seal
 
 from ..agents.guards import check_guard, find_guard
 from ..choices import DrawingLayer, ErrorOrder, Recovery
+from ..environment.script import check_plans
 from ..errors import CostLimitError
 from ..report.outcome import exit_code
 from ..report.terminal import show
@@ -372,8 +373,12 @@ def _check_here(benchmark: Bench, engine: str, episodes: int) -> None:
     """Check that the run's episodes can be played here; nodes of Ray check themselves.
 
     Raises:
-        ParameterError: Tasks of a family are to be played on a cluster.
+        ParameterError: Tasks of a family are to be played on a cluster, or a corruption cannot work
+            on a desktop of this size. That of a user's machine is not known yet.
     """
+    if benchmark.machines is None:
+        planners = benchmark.planners.values()
+        check_plans(planners, benchmark.max_steps, benchmark.size, benchmark.layer)
     family = find_family(benchmark.tasks)
     if family is None:
         if engine == LOCAL:

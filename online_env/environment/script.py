@@ -117,8 +117,28 @@ class Script:
                 f"{get_label(self.planner)} changes the agent's input, which it reads call by call;"
                 " an agent that may run any code (allow_code) cannot be played under it"
             )
-        if layer == "dom":
-            self._check_layer(plans, desktop)
+        if layer == "dom" and not hasattr(desktop, "page_layer"):
+            raise MissingCapabilityError(
+                f"layer='dom' draws into the page of a browser, not on {type(desktop).__name__}:"
+                " use layer='picture'"
+            )
+        return self.picture_size(plans, layer)
+
+    def picture_size(self, plans: list[Plan], layer: DrawingLayer) -> Size:
+        """Return the size of the agent's pictures, (height, width), which all plans must share.
+
+        Args:
+            plans: from `plan_ahead`.
+            layer: who draws what plans paste; see `EvalSettings`.
+
+        Raises:
+            ParameterError: There are several sizes, or a node of a page is to resize the picture.
+        """
+        if layer == "dom" and any(isinstance(op, Resample) for plan in plans for op in plan.ops):
+            raise ParameterError(
+                f"{get_label(self.planner)} resizes the picture, which no node of a page can do:"
+                " use the layer 'picture', or leave the corruption out"
+            )
         sizes = {plan.out_size for plan in plans[1:]}
         if len(sizes) > 1:
             raise ParameterError(
@@ -127,24 +147,6 @@ class Script:
                 " Resolution(restore=True)"
             )
         return sizes.pop()
-
-    def _check_layer(self, plans: list[Plan], desktop: Desktop) -> None:
-        """Check that nodes of a page can be what the plans draw.
-
-        Raises:
-            MissingCapabilityError: The desktop is no browser.
-            ParameterError: A plan resizes the picture.
-        """
-        if not hasattr(desktop, "page_layer"):
-            raise MissingCapabilityError(
-                f"layer='dom' draws into the page of a browser, not on {type(desktop).__name__}:"
-                " use layer='picture'"
-            )
-        if any(isinstance(op, Resample) for plan in plans for op in plan.ops):
-            raise ParameterError(
-                f"{get_label(self.planner)} resizes the picture, which no node of a page can do:"
-                " use layer='picture', or leave it out"
-            )
 
     def plan_ahead(self, steps: int) -> list[Plan]:
         """Return the plans before the episode and of steps 0 to `steps`, without elements.
@@ -195,6 +197,20 @@ class Script:
             )
         for kind in kinds:
             find(kind, desktop).require(Guest(desktop, PASSWORD, None))
+
+
+def check_plans(
+    planners: Iterable[Planner | None], steps: int, size: Size, layer: DrawingLayer = "picture"
+) -> None:
+    """Refuse corruptions that cannot work on any desktop of this size, without one.
+
+    Raises:
+        ParameterError: The screen is too small, parts of a corruption exclude each other, pictures
+            have several sizes in an episode, or a node of a page is to resize the picture.
+    """
+    for planner in planners:
+        script = Script(planner, 0, "", (), size)
+        script.picture_size(script.plan_ahead(steps), layer)
 
 
 def check_corruptions(

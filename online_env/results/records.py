@@ -381,13 +381,22 @@ def _check_same(folder: Path, config: Mapping[str, Any], episodes: Sequence[str]
     if begun_version != present:
         problem = f"was begun with {package} {begun_version}, this is {present}"
         raise RunError(f"{folder}: {problem}; go on with that version, or begin a new run")
-    before = {**head.get("config", {}), "source": ""}
-    after = json.loads(json.dumps({**config, "source": ""}))
+    before = _without_places(head.get("config", {}))
+    after = _without_places(json.loads(json.dumps(config)))
     change = difference(before, after)
     if change:
         raise RunError(f"{folder}: is another run: {change}; go on with the same configuration")
     if head.get("episodes") != list(episodes):
         raise RunError(f"{folder}: is another run: its tasks have other variants; begin a new run")
+
+
+def _without_places(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a configuration without the paths of its files, whose hashes stay: files may move."""
+    code = {
+        name: {key: value for key, value in source.items() if key != "path"}
+        for name, source in config.get("code", {}).items()
+    }
+    return {**config, "source": "", "code": code}
 
 
 def _drop_cut_line(folder: Path) -> None:

@@ -338,6 +338,18 @@ def test_bench_dry_run_and_refusals(tmp_path):
     assert (result.returncode, "did you mean 'embedded_small'" in result.stderr) == (2, True)
 
 
+@pytest.mark.parametrize(
+    ("suite", "options", "refusal"),
+    [
+        ("embedded_small", ("--corruptions", "network_error+slow_network"), "cannot be combined"),
+        ("miniwob_small", ("--layer", "dom"), "resolution resizes the picture"),
+    ],
+)
+def test_a_dry_run_refuses_what_no_desktop_can_do(suite, options, refusal):
+    result = hijack("bench", suite, *options, "--dry-run")
+    assert (result.returncode, refusal in result.stderr) == (2, True), result.stderr
+
+
 def test_a_dry_run_says_what_is_left_in_its_folder(tmp_path):
     """And refuses what the run itself would refuse; it changes nothing."""
     words = ["embedded_small", "--agent", "oracle", "--corruptions", "clean,marks"]

@@ -92,6 +92,17 @@ def test_another_configuration_is_named_by_its_first_difference(run):
         resume(run, CONFIG | {"corruptions": ["marks"]})
 
 
+def test_a_run_goes_on_where_the_files_of_its_code_have_moved_but_not_changed(tmp_path):
+    def config(path, sha256):
+        return CONFIG | {"code": {"mine.py:Mine": {"path": path, "sha256": sha256}}}
+
+    with records.create(tmp_path / "run", config("/here/mine.py", "a1"), EPISODES):
+        pass
+    resume(tmp_path / "run", config("/there/mine.py", "a1"))
+    with pytest.raises(RunError, match=r'sha256 was "a1", and is "b2" now'):
+        resume(tmp_path / "run", config("/here/mine.py", "b2"))
+
+
 def test_a_head_that_was_cut_off(run):
     head = run / reading.RUN
     head.write_bytes(head.read_bytes()[:40])
