@@ -22,7 +22,8 @@ seeds are reported. Rates are for two cores.
     everyday_levels     3 longer tasks, three of the faults at five severities: 48 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
     miniwob             40 tasks of MiniWoB++, oracle, random and dom_agent.py under all but
-                        resolution, whose pastes are nodes of the page: 1,080 episodes
+                        resolution, whose pastes are nodes of the page: 3,240 episodes
+    miniwob_pixel       the same for pixel and the 17 of them that have a plan: 459 episodes
     osworld             10 tasks of OSWorld (--osworld TASKS) that an oracle of ours does in windows,
                         two agents: 200 episodes, about 40 minutes
 """
@@ -41,6 +42,7 @@ from matplotlib.figure import Figure
 
 from hijack_data.corruption import corruption_names
 from online_env import tasks
+from online_env.browser.miniwob_plans import PLANS
 from online_env.osworld.solutions import SOLUTIONS
 from online_env.osworld.tasks import load
 from online_env.report.build import read_report
@@ -70,9 +72,14 @@ LONGER = "copy_folder,tick_items,delete_bookmarks"
 LEVELS = "clean,missed_input,slipped_pointer,app_freeze"
 ALL_TASKS = "all_tasks"
 MINIWOB = "miniwob"
-UNPUBLISHED = (OSWORLD, MINIWOB)  # whose records stay where they are
+MINIWOB_PIXEL = "miniwob_pixel"
+UNPUBLISHED = (OSWORLD, MINIWOB, MINIWOB_PIXEL)  # whose records stay where they are
 DOM_AGENT = "benchmarks/dom_agent.py:DomAgent"
 LABELS = ("clean", *corruption_names()[:9])
+PAGES = (
+    *("miniwob", "--layer", "dom", "--seeds", "3"),
+    *("--corruptions", ",".join(name for name in LABELS if name != "resolution")),
+)
 PLAYED = {
     "reference_agents": ("embedded_core", "--agent", AGENTS, "--seeds", "3"),
     ALL_TASKS: ("embedded", "--agent", "pixel"),
@@ -80,9 +87,10 @@ PLAYED = {
     "ablation_content": ("ablations/content", "--agent", "pixel"),
     "ablation_location": ("ablations/location", "--agent", "pixel"),
     "ablation_modules": ("ablations/modules",),
-    MINIWOB: (
-        *("miniwob", "--layer", "dom", "--agent", f"oracle,random,{DOM_AGENT}"),
-        *("--corruptions", ",".join(name for name in LABELS if name != "resolution")),
+    MINIWOB: (*PAGES, "--agent", f"oracle,random,{DOM_AGENT}"),
+    MINIWOB_PIXEL: (
+        *(*PAGES, "--agent", "pixel"),
+        *("--tasks", ",".join(f"miniwob/{page}.html" for page in PLANS)),
     ),
     "everyday": (*EVERYDAY, "--agent", "oracle,recovering,pixel"),
     "everyday_others": (

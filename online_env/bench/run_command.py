@@ -10,11 +10,12 @@ import click
 
 from hijack_data import extras
 from hijack_data.cli.terminal import console, echo
-from hijack_data.errors import ParameterError, StorageError, quantity
+from hijack_data.errors import ParameterError, StorageError, quantity, shorten_list
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
 from ..agents.guards import check_guard, find_guard
+from ..agents.registry import AGENTS
 from ..choices import DrawingLayer, ErrorOrder, Recovery
 from ..environment.script import check_plans
 from ..errors import CostLimitError
@@ -22,7 +23,7 @@ from ..report.outcome import exit_code
 from ..report.terminal import show
 from ..results import costs, records
 from ..results.stop_rule import SequentialTest
-from ..tasks import find_family
+from ..tasks import TASKS, find_family
 from .config import (
     Bench,
     at_severities,
@@ -112,6 +113,7 @@ def run_command(
     benchmark = only_playable(benchmark, unplayable, echo)
     benchmark = end_at_retention(benchmark, until_retention)
     _warn_of_too_few_tasks(benchmark)
+    _warn_of_tasks_without_plan(benchmark)
     check_agents(benchmark)
     check_guard(benchmark.guard, benchmark.agents)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
@@ -256,6 +258,20 @@ def _warn_of_too_few_tasks(benchmark: Bench) -> None:
             f"--until-retention {rule.retention:g} cannot be shown with"
             f" {quantity(len(benchmark.tasks), 'task')}: {rule.tasks_needed} are needed even if"
             " nothing is lost, so the run plays all; name more with --tasks, or a lower bound"
+        )
+
+
+def _warn_of_tasks_without_plan(benchmark: Bench) -> None:
+    """Print which tasks an agent cannot do because nobody has written their plan."""
+    followers = [name for name in benchmark.agents if getattr(AGENTS.get(name), "uses_plan", False)]
+    if not followers:
+        return
+    unplanned = [name for name in benchmark.tasks if not TASKS.get(name)(0).has_plan]
+    if unplanned:
+        _notice(
+            f"{' and '.join(followers)} can only follow plans in words, and there is none for"
+            f" {quantity(len(unplanned), 'task')} of {len(benchmark.tasks)}, which score 0:"
+            f" {shorten_list(unplanned, 6)}; leave them out with --tasks"
         )
 
 

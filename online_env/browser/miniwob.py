@@ -31,6 +31,7 @@ from ..tasks.machines import MachineSettings
 from .chromium import find_program
 from .desktop import BrowserDesktop
 from .miniwob_oracles import ORACLES, ShownPage
+from .miniwob_plans import PLANS, plan_page
 from .site import FolderSite
 
 FOLDER = "miniwob"  # the folder of the pages, inside the one that is served
@@ -61,6 +62,7 @@ class MiniwobTask(Task):
     Attributes:
         page: The path of the page.
         source: The same, with its SHA-256, which a run records.
+        shown_instruction: The task as the page words it; "" until a browser has read it.
     """
 
     family: ClassVar[str] = "miniwob"
@@ -68,6 +70,7 @@ class MiniwobTask(Task):
     apps: ClassVar[tuple[str, ...]] = APPS
     page: ClassVar[Path]
     source: ClassVar[Mapping[str, str]]
+    shown_instruction = ""
 
     @property
     def instruction(self) -> str:
@@ -106,6 +109,15 @@ class MiniwobTask(Task):
                 f"no script solves {self.page.stem}; there are scripts of {', '.join(ORACLES)}"
             )
         script(ShownPage(hand))
+
+    def plan(self) -> Sequence[str]:
+        """Return the plan in words, once a browser has read the instruction."""
+        return plan_page(self.page.stem, self.shown_instruction)
+
+    @property
+    def has_plan(self) -> bool:
+        """Whether there is a plan for the page."""
+        return self.page.stem in PLANS
 
 
 def task_class(path: str) -> type[MiniwobTask]:
@@ -207,6 +219,7 @@ class MiniwobTasks(TaskHolder):
                 )
             time.sleep(0.005)
         instruction = " ".join(str(self._desktop.evaluate(_QUESTION)).split())
+        miniwob_task.shown_instruction = instruction
         self._task = miniwob_task
         return Setting(
             miniwob_task.id,

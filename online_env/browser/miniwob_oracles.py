@@ -13,10 +13,9 @@ from hijack_data.elements.accessibility_nodes import AccessibleNode, nodes_from_
 
 from ..errors import DesktopError
 from ..tasks.hand import Hand
+from . import miniwob_words as words
 
 _HTML = "https://accessibility.ubuntu.example.org/ns/html}"
-_QUOTED = re.compile(r'"([^"]*)"')
-_ORDINAL = re.compile(r"(\d+)(?:st|nd|rd|th)")
 MAX_TRIES = 40  # clicks in search of something
 
 
@@ -70,7 +69,7 @@ class ShownPage:
 
     def quoted(self) -> list[str]:
         """Return the words that the instruction has in quotation marks."""
-        return [words.strip() for words in _QUOTED.findall(self.query)]
+        return words.quoted_texts(self.query)
 
     def click(self, node: AccessibleNode) -> None:
         """Click in the middle of an element."""
@@ -135,18 +134,12 @@ def _searching(tag: str, **attributes: str) -> PageScript:
     return search
 
 
-def _ordinals(page: ShownPage) -> list[int]:
-    """Return the places in the instruction: 0 for the first."""
-    return [int(number) - 1 for number in _ORDINAL.findall(page.query)]
-
-
 def _quoted_text(page: ShownPage) -> str:
     return page.quoted()[0]
 
 
 def _change_case(page: ShownPage) -> str:
-    (text,) = page.quoted()
-    return text.upper() if "upper case" in page.query else text.lower()
+    return words.cased_text(page.query)
 
 
 def _read_cells(page: ShownPage) -> dict[str, str]:
@@ -160,8 +153,8 @@ def _read_table(page: ShownPage) -> str:
 
 
 def _find_word(page: ShownPage) -> str:
-    words = page.find("p").name.split()
-    return words[_ordinals(page)[0]].strip(".,")
+    paragraph = page.find("p").name.split()
+    return paragraph[words.ordinals(page.query)[0]].strip(".,")
 
 
 def _calculate(page: ShownPage) -> str:
@@ -194,11 +187,8 @@ def _answer_dialog(page: ShownPage) -> None:
 
 
 def _select(page: ShownPage) -> None:
-    match = re.search(r"Select (.*?)(?: and click|,? and then click)", page.query)
-    text = match[1] if match else ""
-    for name in re.split(r", ?| and ", text):
-        if name and name != "nothing":
-            page.click(page.find("label", name))
+    for name in words.option_names(page.query):
+        page.click(page.find("label", name))
     page.submit()
 
 
@@ -208,12 +198,11 @@ def _click_sequence(page: ShownPage) -> None:
 
 
 def _click_tab(page: ShownPage) -> None:
-    match = re.search(r"Tab #\d", page.query)
-    page.click(page.find("a", match[0] if match else ""))
+    page.click(page.find("a", words.tab_name(page.query)))
 
 
 def _focus(page: ShownPage) -> None:
-    (index,) = _ordinals(page) or [0]
+    (index,) = words.ordinals(page.query) or [0]
     page.click(page.nodes("input", type="text")[index])
 
 
@@ -249,10 +238,9 @@ def _click_widget(page: ShownPage) -> None:
 
 
 def _choose_from_list(page: ShownPage) -> None:
-    match = re.search(r"Select (.*) from the list", page.query)
     page.click(page.find("select"))
     page.press("esc")  # the list itself is no part of the page's picture
-    for character in match[1] if match else "":
+    for character in words.list_entry(page.query):
         page.press("space" if character == " " else character)
     page.submit()
 
@@ -267,21 +255,16 @@ def _read_table_twice(page: ShownPage) -> None:
 
 def _enter_parts(page: ShownPage) -> None:
     """Type a date or a time, whose parts follow one another in a field of Chromium's."""
-    match = re.search(r"Enter ([\d/:]+)\s*([AP]M)?", page.query)
-    parts = re.split("[/:]", match[1]) if match else []
     page.click(page.find("input", id="tt"))
     for _ in range(3):
         page.press("left")
-    for part in parts:
-        page.type(part.zfill(2))
-    if match and match[2]:
-        page.type(match[2][0].lower())
+    for part in words.moment_parts(page.query):
+        page.type(part)
     page.submit()
 
 
 def _spin(page: ShownPage) -> None:
-    match = re.search(r"Select (-?\d+)", page.query)
-    number = int(match[1]) if match else 0
+    number = words.spinner_value(page.query)
     for _ in range(abs(number)):
         name = "ui-spinner-up" if number > 0 else "ui-spinner-down"
         page.click(page.find(**{"class": name}))
@@ -320,7 +303,7 @@ def _copy_and_paste(page: ShownPage) -> None:
 
 
 def _fill_by_place(page: ShownPage) -> None:
-    radio, text = _ordinals(page)
+    radio, text = words.ordinals(page.query)
     page.click(page.nodes("input", type="radio")[radio])
     page.fill(page.nodes("input", type="text")[text], page.quoted()[0])
     page.submit()

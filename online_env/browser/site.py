@@ -5,8 +5,17 @@ from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
 
+# Chromium takes pages that name no encoding for Windows-1252.
+_TYPES = {
+    **SimpleHTTPRequestHandler.extensions_map,
+    ".html": "text/html; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+}
+
 
 class _Handler(SimpleHTTPRequestHandler):
+    extensions_map = _TYPES
+
     def log_message(self, format: str, *args: Any) -> None:
         """Print nothing."""
 

@@ -127,6 +127,11 @@ class Task(ABC):
         """
         return ()
 
+    @property
+    def has_plan(self) -> bool:
+        """Whether there is a plan; for one that a page words, before the page was read."""
+        return bool(self.plan())
+
     def wrong_results(self) -> Mapping[str, Outcome]:
         """Return wrong results by what is wrong: functions that bring them about by files.
 

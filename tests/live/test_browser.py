@@ -15,11 +15,14 @@ from typing import Any
 import pytest
 
 from hijack_data.errors import ConfigError, ParameterError
+from online_env.agents.base import DONE, WAIT
+from online_env.agents.pixel.agent import Pixel
 from online_env.browser import chromium
 from online_env.browser.desktop import BrowserDesktop
 from online_env.browser.effects import BROWSER_EFFECTS
 from online_env.browser.miniwob import MiniwobTasks, choose_scale, open_miniwob, task_class
 from online_env.browser.miniwob_oracles import ORACLES
+from online_env.browser.miniwob_plans import PLANS
 from online_env.browser.site import FolderSite
 from online_env.effects.conformance import run_live
 from online_env.errors import (
@@ -313,6 +316,36 @@ def test_the_oracle_does_what_nobody_did_before(page: str, miniwob: MiniwobTasks
     task.oracle(Hand(miniwob.desktop, 2))
     assert miniwob.evaluate(["DONE"]).score == 1.0, setting.instruction
     assert miniwob.evaluate(["FAIL"]).score == 0.0
+
+
+@pytest.mark.parametrize("page", sorted(PLANS))
+def test_the_plan_in_words_is_enough_for_an_agent_that_reads(
+    page: str, miniwob: MiniwobTasks
+) -> None:
+    pytest.importorskip("rapidocr", reason="needs the extra [ocr]")
+    task = task_class(f"miniwob/{page}.html")(3)
+    assert task.has_plan
+    assert not task.plan(), "the page words the task"
+    setting = miniwob.reset(task, 3)
+    agent = Pixel()
+    agent.follow(task.plan())
+    for _ in range(30):
+        _, (action,) = agent.predict(
+            setting.instruction, {"screenshot": miniwob.desktop.screenshot()}
+        )
+        if action == DONE:
+            break
+        if action == WAIT:
+            time.sleep(1)
+        else:
+            miniwob.desktop.run(action)
+    assert miniwob.evaluate([DONE]).score == 1.0, setting.instruction
+
+
+def test_pages_that_name_no_encoding_are_utf_8(miniwob: MiniwobTasks) -> None:
+    texts = {miniwob.reset("miniwob/unicode-test.html", seed).instruction for seed in range(6)}
+    assert 'Click on the "CancÃ©l" button.' not in texts
+    assert 'Click on the "Cancél" button.' in texts
 
 
 def test_a_seed_is_a_task_and_the_first_result_counts(miniwob: MiniwobTasks) -> None:

@@ -350,6 +350,16 @@ def test_a_dry_run_refuses_what_no_desktop_can_do(suite, options, refusal):
     assert (result.returncode, refusal in result.stderr) == (2, True), result.stderr
 
 
+def test_a_dry_run_names_the_tasks_that_an_agent_has_no_plan_for():
+    tasks = ("--tasks", "write_note,crop_picture", "--corruptions", "clean", "--dry-run")
+    result = hijack("bench", "embedded_small", "--agent", "oracle,pixel", *tasks)
+    assert result.returncode == 0, result.stderr
+    assert (
+        "pixel can only follow plans in words, and there is none for 1 task of 2" in result.stderr
+    )
+    assert hijack("bench", "embedded_small", "--agent", "oracle", *tasks).stderr == ""
+
+
 def test_a_dry_run_says_what_is_left_in_its_folder(tmp_path):
     """And refuses what the run itself would refuse; it changes nothing."""
     words = ["embedded_small", "--agent", "oracle", "--corruptions", "clean,marks"]
