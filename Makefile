@@ -19,8 +19,8 @@ PIP_WHEEL = $(shell $(PYTHON) -c 'import ensurepip, pathlib, sysconfig; \
 WORKERS ?= $(shell $(PYTHON) -c 'import os; print(3 * (os.cpu_count() or 1) // 2)')
 # --dist worksteal: each process keeps neighbouring tests, so what a file sets up is made once
 TEST := $(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal
-# Each process has a desktop, for the tests of a file after each other. They share a machine: some are tried again. Files are
-# not sorted by their number of tests: the longest have few tests, and would come last.
+# Each process has a desktop, for the tests of a file after each other. They share a machine: some are tried again. Files begin
+# in the order of tests/support/parts.py, and not by their number of tests: the longest have few.
 TEST_LIVE := $(BIN)/python -m pytest -q tests/live -n 3 --dist loadfile --no-loadscope-reorder --reruns 2 --reruns-delay 2
 
 # Where it is set, each of the hundreds of processes that the tests start compiles all modules again.

@@ -61,7 +61,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests that `make check` leaves out, and leave those of other parts out."""
+    """Mark the tests that `make check` leaves out, leave those of other parts out, and sort."""
     for item in items:
         if is_slow(item.path):
             item.add_marker("slow")
@@ -70,6 +70,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if matches:
         config.hook.pytest_deselected(items=matches)
         items[:] = [item for item in items if item.nodeid in selected]
+    items.sort(key=parts.starting_order)
 
 
 def pytest_terminal_summary(

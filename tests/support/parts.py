@@ -19,6 +19,21 @@ TAIL_PARTS = 6
 PARTS = ("all", "core", *(f"tail-{number}" for number in range(1, TAIL_PARTS + 1)))
 CASES = 1  # of each test function, in the core: another in each landing
 
+# Files of `tests/live` that take longest, the longest first: each is played by one process, and one
+# that began last would go on alone.
+LONG_FILES = (
+    "live/test_gnome_live.py",
+    "live/test_bench_osworld_machine.py",
+    "live/test_env_live.py",
+    "live/test_bench_live.py",
+    "live/test_recording_live.py",
+    "live/test_late_changes.py",
+    "live/test_kit_browser.py",
+    "live/test_browser.py",
+    "live/test_osworld_bridge.py",
+    "live/test_osworld_embedded.py",
+)
+
 # Test functions of which the core has every case.
 WHOLE = frozenset(
     {
@@ -38,10 +53,13 @@ TAIL = frozenset(
         "conformance/test_bad_plugins.py",
         "conformance/test_mutants.py",
         "conformance/test_optimised.py",
+        "hijack_data/test_cli.py::test_build_and_verify",
         "hijack_data/test_cli.py::test_check_finds_a_bad_plugin",
         "hijack_data/test_cli.py::test_one_pixel_and_a_hundred_million",
+        "hijack_data/test_cli.py::test_state_corruptions_are_shown_by_recorded_pictures",
         "hijack_data/test_device.py::test_a_mixed_batch_is_its_pictures_one_by_one",
         "hijack_data/test_device.py::test_any_resize_gives_the_bytes_of_the_cpu",
+        "hijack_data/test_device.py::test_the_kernels_compile_for_ampere_hopper_and_blackwell",
         "hijack_data/test_elements_ocr.py",
         "hijack_data/test_files.py::test_smallest_and_largest",
         "hijack_data/test_gallery_browser.py",
@@ -51,6 +69,7 @@ TAIL = frozenset(
         "hijack_data/test_labels_closed_world.py::test_forked_workers_that_are_new_in_each_epoch_notice_the_second",
         "hijack_data/test_labels_closed_world.py::test_torch_compile_applies_each_plan_that_it_is_given",
         "hijack_data/test_loading.py::test_a_path_may_be_relative",
+        "hijack_data/test_loading.py::test_doctor_lists_it",
         "hijack_data/test_loading.py::test_every_command_knows_it",
         "hijack_data/test_new.py",
         "hijack_data/test_resize.py::test_a_cold_start_warns_of_nothing_and_fills_the_cache",
@@ -121,22 +140,37 @@ TAIL = frozenset(
         "online_env/test_agents_check.py::test_what_each_check_finds",
         "online_env/test_bench_estimates.py::test_a_dry_run_says_what_it_rests_on",
         "online_env/test_bench_folder.py::test_a_report_says_what_is_missing",
+        "online_env/test_bench_folder.py::test_a_run_without_an_episode_is_verified_and_not_reported",
         "online_env/test_bench_folder.py::test_what_an_environment_logged_by_itself_is_reported_too",
         "online_env/test_bench_ray.py",
         "online_env/test_bench_runs.py::test_a_dry_run_says_what_is_left_in_its_folder",
         "online_env/test_bench_runs.py::test_report_as_json_and_as_a_table",
         "online_env/test_bench_runs.py::test_report_names_what_is_invalid_failed_or_damaged",
         "online_env/test_bench_runs.py::test_report_tells_infeasible_tasks_apart",
+        "online_env/test_bench_workers.py::test_who_ends_its_process_each_time_counts_as_a_failure",
         "online_env/test_careful.py::test_a_page_has_time_to_load_before_an_escape_would_stop_it",
         "online_env/test_desktop_parts.py::test_groups_that_are_busy_are_left_after_a_while",
+        "online_env/test_env_text_boxes.py::test_a_pop_up_keeps_the_line_free",
+        "online_env/test_image_container.py::test_engines_find_what_they_check",
+        "online_env/test_image_container.py::test_the_code_in_it_is_all_that_is_needed",
+        "online_env/test_image_container.py::test_the_layers_are_the_system_and_what_a_desktop_needs",
+        "online_env/test_image_container.py::test_the_same_image_is_the_same_file",
+        "online_env/test_inspect.py::test_a_model_that_raises_leaves_no_desktop",
         "online_env/test_inspect.py::test_inspect_finds_the_tasks_in_an_installed_package",
         "online_env/test_inspect.py::test_models_get_their_native_computer_use",
+        "online_env/test_inspect.py::test_samples_wait_for_a_free_desktop",
         "online_env/test_inspect.py::test_the_answer_fail_is_passed_on_and_a_limit_cuts_off",
+        "online_env/test_inspect.py::test_without_inspect_the_extra_is_named",
+        "online_env/test_osworld_family.py::test_a_run_of_a_task_of_ours_loads_nothing_of_osworld",
         "online_env/test_osworld_family.py::test_missing_files_are_named_before_a_run",
+        "online_env/test_osworld_family.py::test_missing_packages_are_named_before_a_run",
+        "online_env/test_osworld_machines.py::test_a_machine_that_does_not_start_is_named",
         "online_env/test_osworld_machines.py::test_a_run_without_a_machine_left_says_why",
         "online_env/test_osworld_machines.py::test_an_episode_goes_on_elsewhere_when_its_machine_dies",
+        "online_env/test_osworld_machines.py::test_another_screen_than_the_benchmarks_is_refused",
         "online_env/test_osworld_machines.py::test_tasks_that_cannot_be_played_are_listed_and_counted",
         "online_env/test_pixel.py",
+        "online_env/test_report_certificate.py::test_a_bound_that_needs_more_tasks_than_there_are_is_said_before_the_run",
         "online_env/test_report_certificate.py::test_verify_proves_a_run_that_ended_early_and_finds_one_that_did_not_have_to",
         "online_env/test_score_my_agent.py::test_the_agent_of_a_section_does_the_task",
         "online_env/test_scoring.py::test_a_killed_run_goes_on_twice_and_no_row_is_scored_twice",
@@ -147,6 +181,7 @@ TAIL = frozenset(
         "pipelines/test_all_nine.py::test_a_table_is_built_alike_by_one_worker_and_by_two",
         "pipelines/test_all_nine.py::test_datasets_loads_it",
         "pipelines/test_build_choices.py::test_splits_in_a_configuration_make_the_same_dataset_again",
+        "pipelines/test_build_options.py::test_workers_leave_the_other_processors_alone",
         "pipelines/test_contradictions.py::test_the_run_as_it_was_recorded_is_whole",
         "pipelines/test_edits_real.py",
         "pipelines/test_edits_shapes.py::test_every_edit_is_made_at_any_size_or_says_why_not",
@@ -166,7 +201,9 @@ TAIL = frozenset(
         "pipelines/test_resume.py::test_killed_at_random_instants",
         "pipelines/test_resume.py::test_killed_before_and_after_every_file_is_put_in_place",
         "pipelines/test_resume.py::test_workers_end_with_a_build_that_is_killed",
+        "pipelines/test_trust.py::test_a_folder_that_may_not_be_written_to",
         "pipelines/test_trust.py::test_ctrl_c",
+        "pipelines/test_trust.py::test_files_that_may_not_grow",
         "pipelines/train/test_sft.py",
         "pipelines/train/test_toy.py::test_the_start_learns_from_the_expert",
         "pipelines/train/test_trl.py",
@@ -174,9 +211,12 @@ TAIL = frozenset(
         "test_broken_package.py::test_a_name_of_ours_cannot_be_taken",
         "test_broken_package.py::test_datasets_are_built",
         "test_broken_package.py::test_doctor_lists_them",
+        "test_broken_package.py::test_list_shows_all_others",
         "test_broken_package.py::test_pictures_are_made",
+        "test_broken_package.py::test_so_it_is_under_the_name_that_it_registered",
         "test_broken_package.py::test_the_benchmark_is_listed",
         "test_examples_training.py",
+        "test_ext_package.py::test_a_configuration_may_name_them",
         "test_ext_package.py::test_a_file_with_all_of_a_corruption_of_the_machine",
         "test_ext_package.py::test_a_users_agent_and_task",
         "test_ext_package.py::test_a_users_reader_and_writer",
@@ -184,14 +224,28 @@ TAIL = frozenset(
         "test_ext_package.py::test_doctor_lists_each_kind",
         "test_ext_package.py::test_its_agent_solves_its_task_on_its_desktop_under_its_corruption",
         "test_ext_package.py::test_the_plugins_are_listed_after_the_nine",
+        "test_extras.py::test_a_command_without_online",
         "test_extras.py::test_code_with_the_core_alone",
+        "test_extras.py::test_code_without_online",
         "test_extras.py::test_doctor_has_a_row_for_every_extra_and_one_for_the_desktop",
+        "test_grounding_proof.py",
         "test_notebooks.py",
         "test_optimised.py",
         "test_other_systems.py",
+        "test_package.py::test_the_sdist_holds_what_the_wheel_is_made_of",
+        "test_package.py::test_the_wheel_holds_every_file_of_the_packages_and_no_other",
+        "test_published.py::test_a_page_without_a_place_for_its_table_stays_as_it_is",
+        "test_site.py::test_code_of_the_pages_runs",
         "test_site.py::test_every_name_of_the_reference_is_documented",
+        "test_site.py::test_every_page_has_its_place",
     }
 )
+
+
+def starting_order(item: pytest.Item) -> int:
+    """Return the key that sorts tests of long files first, and leaves the others as they are."""
+    file = item.nodeid.partition("::")[0].removeprefix("tests/")
+    return LONG_FILES.index(file) if file in LONG_FILES else len(LONG_FILES)
 
 
 def default_seed(root: Path) -> int:
