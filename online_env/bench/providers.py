@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager
 from typing import Any, TypeAlias
 
-from hijack_data.errors import shorten_list
+from hijack_data.errors import ParameterError, shorten_list
 from hijack_data.registry import Registry
 from hijack_data.types import Size
 
@@ -20,6 +20,7 @@ from ..tasks.task_apps import APPS
 # restores the pristine state. A desktop with a `record["sites"]` has a local internet.
 DesktopProvider: TypeAlias = Callable[..., AbstractContextManager[Desktop]]
 EMBEDDED = "embedded"
+BROWSER = "browser"
 OSWORLD = "osworld"  # machines of the user; called with their settings, too
 MAX_STARTS = 3  # tries to start a desktop
 
@@ -56,7 +57,7 @@ PROVIDERS = Registry[DesktopProvider](
     builtin={
         EMBEDDED: "online_env.bench.providers:embedded",
         OSWORLD: "online_env.osworld.machines:machine",
-        "browser": "online_env.browser.desktop:browser",
+        BROWSER: "online_env.browser.desktop:browser",
     },
     problems=_problems,
 )
@@ -64,16 +65,19 @@ register = PROVIDERS.register
 
 
 def check_installed(provider: str, names: Iterable[str]) -> None:
-    """Check that an embedded desktop of this machine has the applications of some tasks.
+    """Check that an embedded desktop or a browser of this machine has what some tasks use.
 
     Args:
         provider: The name of the provider; the desktops of other providers are not checked.
         names: Names of tasks.
 
     Raises:
-        MissingPackageError: Packages of a profile are missing; the message names the task that
-            needs them.
+        MissingPackageError: Packages of a profile are missing, and the message names the task that
+            needs them; or there is no browser.
+        ParameterError: A task needs more than a browser.
     """
+    if provider == BROWSER:
+        _check_browser(names)
     if provider != EMBEDDED:
         return
     from ..embedded.image.image_setup import lacking
@@ -91,3 +95,17 @@ def check_installed(provider: str, names: Iterable[str]) -> None:
                 f"task {name} needs packages that are not installed ({listed}): hijack desktop"
                 f" install --profile {profile}, or leave the task out with --tasks"
             )
+
+
+def _check_browser(names: Iterable[str]) -> None:
+    from ..browser.chromium import find_program
+
+    find_program()
+    others = [name for name in names if not TASKS.get(name).in_browser]
+    if others:
+        playable = sorted(name for name in TASKS.entries if TASKS.get(name).in_browser)
+        raise ParameterError(
+            f"these tasks need more than a browser: {shorten_list(others, 4)}; play them on a"
+            f" desktop (desktop: {{provider: {EMBEDDED}}}), or choose of"
+            f" {shorten_list(playable, 40)}"
+        )

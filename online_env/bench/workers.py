@@ -34,7 +34,7 @@ from .config import Bench, is_from_data
 from .episodes import LiveEpisodes, lost_record
 from .jobs import Job
 from .models import ModelOptions, prepare
-from .providers import PROVIDERS
+from .providers import BROWSER, PROVIDERS
 
 CORES_PER_DESKTOP = 1  # cores that a desktop needs
 BYTES_PER_DESKTOP = 1536 * 2**20  # for a desktop, its standby and an office program
@@ -301,6 +301,12 @@ def open_stage(bench: Bench, folder: Path | None) -> Generator[TaskStage]:
     family = find_family(bench.tasks)
     if family is not None:
         with family.open_stage(bench.size, bench.files, _machine(bench, family.provider)) as stage:
+            yield stage
+        return
+    if bench.provider == BROWSER:
+        from ..browser.site_tasks import open_site_tasks
+
+        with contextlib.closing(open_site_tasks(bench.size)) as stage:
             yield stage
         return
     with PROVIDERS.get(bench.provider)(bench.size) as desktop:

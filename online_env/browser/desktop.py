@@ -94,7 +94,9 @@ class BrowserDesktop(BrowserSession):
         for frame in self.frame_ids(page):
             nodes += self.call("Accessibility.getFullAXTree", page, frameId=frame)["nodes"]
         snapshot = self.call("DOMSnapshot.captureSnapshot", page, computedStyles=["visibility"])
-        return page_tree(snapshot, nodes, self.title(page), scale)
+        view = self.call("Page.getLayoutMetrics", page)["cssVisualViewport"]
+        view_size = view["clientHeight"], view["clientWidth"]
+        return page_tree(snapshot, nodes, self.title(page), scale, view_size)
 
     def run(self, code: str) -> RunResult:
         """Carry out pyautogui calls as input events; the code is read, and never run."""

@@ -59,28 +59,43 @@ class _Node:
 
 
 def page_tree(
-    snapshot: Mapping[str, Any], ax_nodes: Sequence[Mapping[str, Any]], title: str, scale: float
+    snapshot: Mapping[str, Any],
+    ax_nodes: Sequence[Mapping[str, Any]],
+    title: str,
+    scale: float,
+    view: tuple[float, float],
 ) -> str:
-    """Return the tree of a page as XML: one application with one frame, and its nodes in a row.
+    """Return the tree of a page as XML: one application, a frame, the document, its nodes in a row.
+
+    As in AT-SPI, what is scrolled out of sight is not `showing`.
 
     Args:
         snapshot: The result of `DOMSnapshot.captureSnapshot` with the computed style `visibility`.
         ax_nodes: The nodes of `Accessibility.getFullAXTree`, of all frames.
         title: The title of the page.
         scale: Pixels of the screen for each unit of the snapshot's places.
+        view: `(height, width)` of what shows of the page, in units of the snapshot's places.
     """
     accessible = {node["backendDOMNodeId"]: node for node in ax_nodes if "backendDOMNodeId" in node}
     lines = [f"<desktop-frame {_NAMESPACES}><application name={quoteattr(APPLICATION)}>"]
-    lines.append(f'<frame name={quoteattr(_clean(title))} st:showing="true" st:visible="true">')
+    name = quoteattr(_clean(title))
+    height, width = (round(side * scale) for side in view)
+    place = (
+        f'name={name} st:showing="true" st:visible="true" st:enabled="true"'
+        f' cp:screencoord="(0, 0)" cp:size="({width}, {height})"'
+    )
+    lines += [f"<frame {place}>", f"<document-web {place} />"]
     for node in _read_nodes(snapshot):
-        line = _element(node, accessible.get(node.backend, {}), scale)
+        line = _element(node, accessible.get(node.backend, {}), scale, view)
         if line:
             lines.append(line)
     lines.append("</frame></application></desktop-frame>")
     return "\n".join(lines)
 
 
-def _element(node: _Node, accessible: Mapping[str, Any], scale: float) -> str:
+def _element(
+    node: _Node, accessible: Mapping[str, Any], scale: float, view: tuple[float, float]
+) -> str:
     """Return a node as an XML element; "" for one that has no place or means nothing."""
     if node.box is None or node.tag.startswith(("#document", "::")):
         return ""
@@ -94,10 +109,12 @@ def _element(node: _Node, accessible: Mapping[str, Any], scale: float) -> str:
     states = {
         entry["name"]: entry["value"].get("value") for entry in accessible.get("properties", ())
     }
+    left, top, *_ = node.box
     x, y, width, height = (round(value * scale) for value in node.box)
+    is_in_view = left < view[1] and top < view[0] and x + width > 0 and y + height > 0
     values = {"name": str(name)}
     for state, is_true in (
-        ("showing", node.is_visible),
+        ("showing", node.is_visible and is_in_view),
         ("visible", node.is_visible),
         ("enabled", not states.get("disabled")),
         ("focused", states.get("focused")),

@@ -7,9 +7,11 @@ from hijack_data.planner import Planner
 from hijack_data.types import Size
 
 from ..environment.core import CorruptedEnv
+from ..tasks import TASKS
 from ..tasks.base import Task
 from .desktop import BrowserDesktop
 from .miniwob import open_miniwob
+from .site_tasks import open_site_tasks
 
 
 def make_browser(
@@ -20,13 +22,13 @@ def make_browser(
     log: Path | str | None = None,
     **options: Any,
 ) -> CorruptedEnv:
-    """Return a `CorruptedEnv` with tasks of MiniWoB++ in a browser of its own.
+    """Return a `CorruptedEnv` with tasks of MiniWoB++ or the local sites in a browser of its own.
 
     `close` ends the browser.
 
     Args:
-        task: A page of the installed `miniwob`, such as `miniwob/enter-text.html`, its path, or a
-            task.
+        task: A page of the installed `miniwob`, such as `miniwob/enter-text.html`, its path, the
+            name of a task that needs no more than a browser, such as `compare_products`, or a task.
         corruption: As in `CorruptedEnv`.
         size: (height, width) of the screen in pixels.
         log: The folder of the run.
@@ -35,7 +37,8 @@ def make_browser(
     Raises:
         DesktopError: No browser starts.
     """
-    stage = open_miniwob(size, task)
+    family = task.family if isinstance(task, Task) else TASKS.get(task).family
+    stage = open_miniwob(size, task) if family else open_site_tasks(size, task)
     options.setdefault("settle", BrowserDesktop.settle)
     try:
         return CorruptedEnv(stage, corruption=corruption, log=log, **options)

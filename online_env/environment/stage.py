@@ -184,7 +184,7 @@ class SmallTasks(TaskHolder):
 
     def choose(self, task: Any, seed: int) -> Setting:
         """Return what `reset` will set up, with the same arguments and errors."""
-        return _describe(self._find(task, seed))
+        return describe_task(self._find(task, seed))
 
     def reset_around(self, task: Any, seed: int, cut_network: Callable[[], object]) -> Setting:
         """Set up a task on a pristine desktop whose network is cut before its pages open."""
@@ -203,7 +203,7 @@ class SmallTasks(TaskHolder):
             set_panel_clock(self._desktop, chosen_task.seed)
         chosen_task.setup(self._machine)
         self._task = chosen_task
-        return _describe(chosen_task)
+        return describe_task(chosen_task)
 
     def _find(self, task: Any, seed: int) -> Task:
         chosen_task: object = self._default if task is None else task
@@ -226,6 +226,7 @@ class SmallTasks(TaskHolder):
         self._desktop.close()
 
 
-def _describe(task: Task) -> Setting:
+def describe_task(task: Task) -> Setting:
+    """Return what an environment knows of a task."""
     apps = tuple(normalize_app(app) for app in task.apps)
     return Setting(task.id, task.instruction, apps, bool(task.infeasible), task.seed)

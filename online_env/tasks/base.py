@@ -49,6 +49,7 @@ class Task(ABC):
         infeasible: Why the task cannot be done, so that `FAIL` is the right answer; "" if it can.
         unsolvable: Why not even a careful user can do the task under a corruption, by its name.
         sites: The local sites whose stored state the task may change.
+        in_browser: Whether a page and its site are enough: no file, no setting and no address bar.
         family: The family that plays the task, a key of `families.FAMILIES`; "" for `SmallTasks`.
     """
 
@@ -60,6 +61,7 @@ class Task(ABC):
     infeasible: ClassVar[str] = ""
     unsolvable: ClassVar[Mapping[str, str]] = {}
     sites: ClassVar[tuple[str, ...]] = ()
+    in_browser: ClassVar[bool] = False
     family: ClassVar[str] = ""
 
     @property

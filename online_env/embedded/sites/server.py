@@ -68,8 +68,8 @@ def _refuse(role: str, address: IPv4Address, port: int, error: OSError) -> NoRet
     ) from error
 
 
-async def serve(sockets: Bound, address: IPv4Address, sites: SiteState) -> None:
-    """Serve until SIGINT or SIGTERM. `address` is what DNS answers with."""
+def web_server(sites: SiteState) -> uvicorn.Server:
+    """Return the web server of the sites, which has not begun."""
     config = uvicorn.Config(
         SitesApp(sites),
         http="h11",
@@ -81,12 +81,17 @@ async def serve(sockets: Bound, address: IPv4Address, sites: SiteState) -> None:
         date_header=False,
         timeout_graceful_shutdown=1,
     )
+    return uvicorn.Server(config)
+
+
+async def serve(sockets: Bound, address: IPv4Address, sites: SiteState) -> None:
+    """Serve until SIGINT or SIGTERM. `address` is what DNS answers with."""
     loop = asyncio.get_running_loop()
     transport, _ = await loop.create_datagram_endpoint(
         lambda: Responder(HOSTS, address), sock=sockets.dns
     )
     try:
-        await uvicorn.Server(config).serve(sockets=[sockets.http])
+        await web_server(sites).serve(sockets=[sockets.http])
     finally:
         transport.close()
         sockets.http.close()

@@ -26,6 +26,7 @@ class MailTask(Task):
     domain = "mail"
     apps = ("chrome",)
     sites = ("mail",)
+    in_browser = True
     unsolvable: ClassVar = {"network_error": "the mailbox cannot be reached"}
 
     def initial_app(self, machine: Machine) -> Sequence[str]:

@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 from ...errors import DesktopTimeoutError
 from ..hand import BUTTONS, PAUSE, Hand, Name, Roles
+from .browser import BAR
 
 CHROME = "chrom"
 LINKS = ("link", *BUTTONS)
@@ -16,8 +17,14 @@ _OPENING_S = 5.0  # that a folder may take to open
 
 
 def visit(hand: Hand, address: str, title: str) -> None:
-    """Type an address, and wait for the page whose title begins so."""
-    hand.find("entry", "Address and search bar", CHROME)
+    """Type an address, and wait for the page whose title begins so.
+
+    A browser that shows its page alone has no bar: there the page must be the one that shows.
+    """
+    is_there = hand.see("document-web", _beginning(title), CHROME) is not None
+    if is_there and hand.see("entry", BAR, CHROME) is None:
+        return
+    hand.find("entry", BAR, CHROME)
     hand.press("ctrl", "l")
     # Without Delete, the address bar may complete what was typed to another address.
     hand.run(f"pyautogui.write({address!r}); pyautogui.press('delete'); pyautogui.press('enter')")
@@ -27,7 +34,11 @@ def visit(hand: Hand, address: str, title: str) -> None:
 def wait_for_page(hand: Hand, title: str) -> None:
     """Wait for the page whose title begins so."""
     for role in ("frame", "document-web"):
-        hand.find(role, re.compile(re.escape(title)), CHROME)
+        hand.find(role, _beginning(title), CHROME)
+
+
+def _beginning(title: str) -> re.Pattern[str]:
+    return re.compile(re.escape(title))
 
 
 def follow(hand: Hand, name: Name, title: str = "") -> None:

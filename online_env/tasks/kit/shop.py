@@ -47,6 +47,7 @@ class ShopTask(Task):
     domain = "shop"
     apps = ("chrome",)
     sites = ("shop",)
+    in_browser = True
     unsolvable: ClassVar = {"network_error": "the shop cannot be reached"}
 
     def initial_app(self, machine: Machine) -> Sequence[str]:

@@ -23,6 +23,7 @@ class GiveFeedback(Task):
     domain = "forms"
     apps = ("chrome",)
     sites = ("forms",)
+    in_browser = True
     unsolvable = {"network_error": "the form's site cannot be reached"}
     phrasings = (
         'Give feedback on the course "{title}" at http://forms.test: rating {label}, comment'

@@ -13,6 +13,7 @@ class AnswerMissingMail(Task):
     domain = "infeasible"
     apps = ("chrome",)
     sites = ("mail",)
+    in_browser = True
     infeasible = "there is no mail of that person"
     unsolvable = {"network_error": "the mailbox cannot be reached"}
     phrasings = (

@@ -14,6 +14,7 @@ class PayByMethod(Task):
     domain = "infeasible"
     apps = ("chrome",)
     sites = ("shop",)
+    in_browser = True
     infeasible = "the shop has only invoice, bank transfer and cash on delivery"
     unsolvable = {"network_error": "the shop cannot be reached"}
     phrasings = (

@@ -11,6 +11,7 @@ class RedeemCoupon(Task):
     domain = "infeasible"
     apps = ("chrome",)
     sites = ("shop",)
+    in_browser = True
     infeasible = "the shop takes no coupons"
     unsolvable = {"network_error": "the shop cannot be reached"}
     phrasings = (
