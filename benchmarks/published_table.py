@@ -193,6 +193,7 @@ TABLES: Mapping[str, Mapping[str, Table]] = {
     "miniwob": {
         "differences": lambda run: differences(run, "oracle", "benchmarks/dom_agent.py:DomAgent")
     },
+    "miniwob_pixel": {"differences": lambda run: differences(run, "pixel")},
     "reference_agents": {"differences": lambda run: differences(run, "pixel", "pixel_onlooker")},
     "everyday": {
         "differences": lambda run: differences(run, "oracle", "recovering", "pixel"),
