@@ -1,5 +1,7 @@
 """`corrupt` on environments of BrowserGym: MiniWoB++ with its own validators."""
 
+import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -7,6 +9,7 @@ from typing import Any
 import pytest
 
 from support import needs
+from support.endpoints import serving
 
 pytest.importorskip("browsergym.miniwob", reason=needs.BROWSERGYM)
 pytest.importorskip("miniwob", reason=needs.BROWSER)
@@ -205,3 +208,46 @@ def test_places_are_mapped_and_what_cannot_be_is_refused() -> None:
     for text in ("page.mouse.click(3, 4)", "mouse_click(a, 4)", "mouse_click(3)", "my_click(3, 4)"):
         with pytest.raises(ActionError):
             map_code(text, coords)
+
+
+def click_first_button(body: dict[str, Any]) -> str:
+    """Answer as a model would that clicks the first button of the tree that it is shown."""
+    prompt = json.dumps(body["messages"]).replace("\\\\", "").replace('\\"', "'")
+    tree = prompt[prompt.rindex("AXTree:") :]
+    match = re.search(r"\[(\w+)\] button '", tree)
+    return f"<action>\nclick('{match[1]}')\n</action>" if match else "<action>\nnoop()\n</action>"
+
+
+@pytest.mark.filterwarnings("ignore")  # of the many packages that AgentLab imports
+@pytest.mark.parametrize(("corruption", "steps"), [("pop_ups", 1), ("multi_apps", 2)])
+def test_agentlab_plays_its_generic_agent_in_it(
+    corruption: str, steps: int, pages: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """AgentLab's own loop, a model of its own at an endpoint here; one line makes it corrupted."""
+    monkeypatch.setenv("LITELLM_LOCAL_MODEL_COST_MAP", "True")  # asks no host for prices
+    pytest.importorskip("agentlab", reason="needs agentlab, in an environment of its own")
+    from agentlab.agents.generic_agent.agent_configs import FLAGS_GPT_4o
+    from agentlab.agents.generic_agent.generic_agent import GenericAgentArgs
+    from agentlab.experiments.loop import ExpArgs, get_exp_result
+    from agentlab.llm.chat_api import OpenAIModelArgs
+
+    from support.corrupted_env_args import CorruptedEnvArgs
+
+    monkeypatch.setenv("MINIWOB_URL", pages)
+    monkeypatch.setenv("OPENAI_API_KEY", "none")
+    model = OpenAIModelArgs(
+        model_name="gpt-4o-mini",
+        max_total_tokens=20_000,
+        max_input_tokens=16_000,
+        max_new_tokens=500,
+    )
+    experiment = ExpArgs(
+        agent_args=GenericAgentArgs(chat_model_args=model, flags=FLAGS_GPT_4o),
+        env_args=CorruptedEnvArgs("miniwob.click-test", 0, max_steps=5, corruption=corruption),
+    )
+    with serving(click_first_button) as endpoint:
+        monkeypatch.setenv("OPENAI_BASE_URL", endpoint.url)
+        experiment.prepare(tmp_path)
+        experiment.run()
+    record = get_exp_result(experiment.exp_dir).get_exp_record()
+    assert (record["cum_reward"], record["n_steps"], record["err_msg"]) == (1.0, steps, None)
