@@ -228,7 +228,7 @@ class LiveEpisodes:
 
     def _read_plan(self) -> Sequence[str]:
         """Return the plan in words of the current task."""
-        return tuple(self._stage.task.plan())
+        return self._stage.plan()
 
 
 def play(

@@ -2,7 +2,7 @@
 
 import tempfile
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from ipaddress import IPv4Address
 from pathlib import Path
 from typing import Any
@@ -108,6 +108,10 @@ class SiteTasks(SmallTasks):
     def sites(self) -> SiteState:
         """What is done on the sites."""
         return self._state
+
+    def plan(self) -> Sequence[str]:
+        """Return the plan in words without its windows: a page alone shows the title of none."""
+        return tuple(step for step in super().plan() if not step.startswith("window "))
 
     @property
     def splits_setup(self) -> bool:

@@ -109,6 +109,10 @@ class TaskStage(Stage, Protocol):
         """The desktop in the form that tasks use."""
         ...
 
+    def plan(self) -> Sequence[str]:
+        """Return the plan in words of the task, as it holds on this desktop; see `Task.plan`."""
+        ...
+
 
 class TaskHolder:
     """Keeps the task that is set up now, for a stage."""
@@ -125,6 +129,10 @@ class TaskHolder:
         if self._task is None:
             raise DesktopError("no task is set up: call reset first")
         return self._task
+
+    def plan(self) -> Sequence[str]:
+        """Return the plan in words of the task that is set up now."""
+        return tuple(self.task.plan())
 
 
 class SmallTasks(TaskHolder):

@@ -15,6 +15,7 @@ from online_env.bench.providers import BROWSER, check_installed
 from online_env.browser.site_tasks import SiteTasks, open_site_tasks
 from online_env.tasks import TASKS, Hand
 from online_env.tasks.hand import GiveUpError
+from online_env.tasks.plan_words import read_plan
 
 from support import needs
 
@@ -44,6 +45,14 @@ def test_the_oracle_does_what_nobody_did_before(name: str, stage: SiteTasks) -> 
         assert stage.evaluate(["DONE"]).score == 1.0
     stage.reset(task, 0)
     assert stage.evaluate(["DONE"]).score == 0.0, "a reset forgets what the sites stored"
+
+
+def test_a_plan_in_words_names_no_window(stage: SiteTasks) -> None:
+    for name in NAMES:
+        task = TASKS.get(name)(0)
+        stage.reset(task, 0)
+        assert len(stage.plan()) == len(task.plan()) - 1
+        assert not any(step.verb == "window" for step in read_plan(stage.plan()))
 
 
 def test_what_is_scrolled_out_of_sight_does_not_show(stage: SiteTasks) -> None:
