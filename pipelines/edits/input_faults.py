@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 from hijack_data.actions.agent_actions import ACTION_WORDS
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.input_faults import FaultKind, InputFault, can_hit, is_relative
+from hijack_data.actions.input_faults import FaultKind, InputFault, can_hit, moves_from_pointer
 from hijack_data.actions.pyautogui_functions import RECORDED_FUNCTIONS
 from hijack_data.actions.pyautogui_grammar import PyautoguiCall, read_calls
 from hijack_data.actions.python_source import ParsedSource
@@ -54,7 +54,9 @@ NOT_REPAIRED = (
 DONE_AGAIN = (
     "the run does not show that what the agent did next was right: it did the same again later"
 )
-RELATIVE = "the action moves the pointer by a distance, so doing it again would lead elsewhere"
+RELATIVE = (
+    "the action begins where the pointer is, and moves it, so doing it again would lead elsewhere"
+)
 _BEFORE = -1
 
 
@@ -166,7 +168,7 @@ class _RecordingFaults:
             NotApplicable: it waits in vain.
         """
         for number, plan in self._newest(len(self._steps) - 1):
-            actions = [_calls(step) for step in self._steps[max(0, number) :]]
+            actions = [recorded_calls(step) for step in self._steps[max(0, number) :]]
             if not any(can_hit(fault, calls) for fault in plan.inputs for calls in actions):
                 raise NotApplicable(NEVER_HIT)
 
@@ -216,14 +218,14 @@ class _RecordingFaults:
         """Return whether a fault that waits from a step on hits the action at a position."""
         # The action itself comes first: most settle it alone.
         positions = (position, *range(max(0, number), position))
-        hits = (can_hit(fault, _calls(self._steps[index])) for index in positions)
+        hits = (can_hit(fault, recorded_calls(self._steps[index])) for index in positions)
         return next(hits) and not any(hits)
 
 
 def _problem(fault: InputFault, step: Step, recorded: Sequence[InputFault]) -> str:
     """Return why a fault that did not happen cannot be shown; `""` if it can."""
     if fault.fault == "drop":
-        return RELATIVE if is_relative(_calls(step)) else ""
+        return RELATIVE if moves_from_pointer(recorded_calls(step)) else ""
     is_other = any(other.fault == fault.fault for other in recorded)
     return OTHER_FAULT if is_other else NO_PICTURE
 
@@ -233,7 +235,7 @@ def _are_same(first: InputFault, second: InputFault) -> bool:
     return replace(first, actions=1) == replace(second, actions=1)
 
 
-def _calls(step: Step) -> Sequence[PyautoguiCall]:
+def recorded_calls(step: Step) -> Sequence[PyautoguiCall]:
     """Return the calls of a recorded action; none if it does nothing, or is no such code."""
     code = step.action_code
     if isinstance(step, RecordedStep) and not step.acts:

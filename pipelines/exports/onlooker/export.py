@@ -19,7 +19,7 @@ from ...prompts import PROMPTS
 from ..dialects import action_text
 from ..example import Example, Row, check_task, checked_answer, is_hidden
 from ..output_folder import new_folder, write_report
-from ..stored_rows import recorded_faults, stored_rows
+from ..stored_rows import recorded_faults, row_faults, stored_rows
 from .messages import NONE, chat, reminder_messages, summarise, summary_messages
 from .report import OnlookerReport
 from .sampling import COLUMNS_READ, WITH_REMINDER, OnlookerSampler
@@ -125,7 +125,8 @@ class _Tables:
 
     def _recovery(self, frame: RowFrame) -> None:
         row = frame.row
-        if not row["inserted"] or self._lacks_task("recovery", row):
+        # One picture cannot show that an action got lost, so it is no recovery step.
+        if not row["inserted"] or row_faults(row) or self._lacks_task("recovery", row):
             return
         if is_hidden(row) and not self.keep_hidden:
             self.report.hidden[row["corruption"]] += 1
