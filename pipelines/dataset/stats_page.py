@@ -114,7 +114,7 @@ def _changed_share(label: str, data: dict[str, Any]) -> str:
     if label == CLEAN:
         return "\u2013"
     if data["changed"]["min"] == 1:
-        return "all, resized"
+        return "all"  # resized, or another screen
     return changed_text(data)
 
 
