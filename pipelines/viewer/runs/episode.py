@@ -263,7 +263,7 @@ def _probe(probe: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _boxes(value: object, coords: CoordMap) -> list[list[int]]:
-    """Return elements, which are logged in pixels of the screen, in those of the agent's picture."""
+    """Return elements, logged in pixels of the screen, in those of the agent's picture."""
     boxes: list[list[int]] = []
     for box in listed(value)[:MAX_BOXES]:
         sides = [side for side in map(number, listed(box)) if side is not None]
