@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from hijack_data.actions.agent_actions import ACTION_WORDS
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
 from hijack_data.actions.input_faults import FaultKind, InputFault, can_hit, moves_from_pointer
-from hijack_data.actions.pyautogui_functions import RECORDED_FUNCTIONS
+from hijack_data.actions.pyautogui_functions import KEYBOARD, POINTER, RECORDED_FUNCTIONS
 from hijack_data.actions.pyautogui_grammar import PyautoguiCall, read_calls
 from hijack_data.actions.python_source import ParsedSource
 from hijack_data.errors import ActionError
@@ -233,6 +233,24 @@ def _problem(fault: InputFault, step: Step, recorded: Sequence[InputFault]) -> s
 def _are_same(first: InputFault, second: InputFault) -> bool:
     """Return whether two faults do the same to one action."""
     return replace(first, actions=1) == replace(second, actions=1)
+
+
+def is_held(steps: Sequence[Step]) -> bool:
+    """Return whether the actions of some steps leave a button or a key pressed."""
+    down: set[str] = set()
+    for step in steps:
+        for call in recorded_calls(step):
+            is_key = call.function in ("keyDown", "keyUp")
+            if not is_key and call.function not in ("mouseDown", "mouseUp"):
+                continue
+            arguments = call.bind(KEYBOARD[call.function] if is_key else POINTER[call.function])
+            pressed = arguments.get("key" if is_key else "button")
+            name = "left" if pressed is None else str(pressed.value)
+            if call.function.endswith("Down"):
+                down.add(name)
+            else:
+                down.discard(name)
+    return bool(down)
 
 
 def recorded_calls(step: Step) -> Sequence[PyautoguiCall]:
