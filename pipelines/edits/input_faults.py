@@ -20,6 +20,7 @@ from hijack_data.actions.input_faults import FaultKind, InputFault, can_hit, mov
 from hijack_data.actions.pyautogui_functions import KEYBOARD, POINTER, RECORDED_FUNCTIONS
 from hijack_data.actions.pyautogui_grammar import PyautoguiCall, read_calls
 from hijack_data.actions.python_source import ParsedSource
+from hijack_data.actions.recorded_actions import holds_several
 from hijack_data.errors import ActionError
 from hijack_data.plan import Plan
 from hijack_data.planner import Planner
@@ -56,6 +57,10 @@ DONE_AGAIN = (
 )
 RELATIVE = (
     "the action begins where the pointer is, and moves it, so doing it again would lead elsewhere"
+)
+SEVERAL = (
+    "the reply holds several actions, and the recording shows no screen between them: what follows"
+    " is that of all"
 )
 _BEFORE = -1
 
@@ -225,6 +230,8 @@ class _RecordingFaults:
 def _problem(fault: InputFault, step: Step, recorded: Sequence[InputFault]) -> str:
     """Return why a fault that did not happen cannot be shown; `""` if it can."""
     if fault.fault == "drop":
+        if holds_several(step.action_code, step.action):
+            return SEVERAL
         return RELATIVE if moves_from_pointer(recorded_calls(step)) else ""
     is_other = any(other.fault == fault.fault for other in recorded)
     return OTHER_FAULT if is_other else NO_PICTURE

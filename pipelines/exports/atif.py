@@ -16,7 +16,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from hijack_data.actions.recorded_actions import holds_several
 from hijack_data.file_io import write_atomic
+from hijack_data.labels.action_formats import own_action
 
 from ..dataset.columns import ACTION
 from ..readers.atif import EXPORT_KEY, TOOL
@@ -129,7 +131,10 @@ def _following_step(row: Row) -> int | None:
 
     What undoes an event leads back to the recorded step. After waiting at a locked screen, or
     acting beside a second window, a live desktop would show something else than the recording.
+    Where a reply held several actions, the row has the first, and the next screen is that of all.
     """
+    if holds_several(row["action_code"], own_action(row["action"])):
+        return None
     if row["event"] is None or row_faults(row):
         return int(row["step"]) + 1
     return int(row["step"]) if row["inserted"] else None

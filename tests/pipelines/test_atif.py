@@ -148,6 +148,8 @@ def test_our_export_is_valid(exported: Path) -> None:
                 assert part.type == "text" or (document.parent / part.source.path).is_file()
 
 
+NOTHING = {**dict.fromkeys(ACTION), "type": "click"}
+SEVERAL = {"action_code": "Action: wait()\n\nclick(start_box='(1,2)')\n\ntype(content='a')"}
 LOCK = {"event": "The session was locked.", "inserted": False}
 MINIMISED = {"event": "All windows were minimised.", "inserted": True}
 LOST = {"event": "It got lost.", "inserted": True, "plan": InputFault("drop")}
@@ -159,14 +161,21 @@ LOST = {"event": "It got lost.", "inserted": True, "plan": InputFault("drop")}
         (MINIMISED, 2, None),  # its action leads back to the recorded step
         (MINIMISED, 3, "Steps 2 to 2 of the recording are not exported."),
         (LOST, 3, None),  # its action is the recorded one
+        (SEVERAL, 3, "What followed was not recorded; this is the screen of step 3."),
         (LOCK, 3, "What followed was not recorded; this is the screen of step 3."),
     ],
 )
 def test_a_screen_is_never_the_result_of_an_action_that_did_not_lead_to_it(
     first: dict[str, Any], following: int, text: str | None, tmp_path: Path
 ) -> None:
-    columns = {**dict.fromkeys(ABOUT, ""), "instruction": "do it", "action": dict.fromkeys(ACTION)}
-    clean = {**columns, "event": None, "inserted": False, "plan": hj.Plan.clean((9, 9))}
+    columns = {**dict.fromkeys(ABOUT, ""), "instruction": "do it", "action": NOTHING}
+    clean = {
+        **columns,
+        "action_code": "",
+        "event": None,
+        "inserted": False,
+        "plan": hj.Plan.clean((9, 9)),
+    }
     rows = [{**clean, **first, "step": 2}, {**clean, "step": following}]
     for row in rows:
         if isinstance(row["plan"], InputFault):

@@ -17,7 +17,9 @@ from hijack_data.actions.input_faults import moves_from_pointer
 from hijack_data.actions.pyautogui_functions import LIVE_FUNCTIONS
 from hijack_data.actions.pyautogui_grammar import read_calls
 from hijack_data.actions.python_source import ParsedSource
+from hijack_data.actions.recorded_actions import holds_several
 from hijack_data.errors import HijackError
+from hijack_data.types import Action
 from online_env.environment import CorruptedEnv
 from online_env.scoring.cases import Selection, open_feed, select_cases
 from pipelines import build, open_dataset, verify
@@ -135,6 +137,25 @@ def test_an_action_that_begins_at_the_pointer_and_moves_it_cannot_be_done_again(
     assert moves_from_pointer(calls) is is_other
 
 
+@pytest.mark.parametrize(
+    ("code", "several"),
+    [
+        ("Action: click(start_box='(1,2)')\n\ntype(content='a')", True),
+        ("Action: click(start_box='(1,2)')\n\nwait()", False),
+        ("Action: click(start_box='(1,2)')", False),
+        ('[{"type": "click", "x": 1, "y": 2}, {"type": "type", "text": "a"}]', True),
+        ('[{"type": "click", "x": 1, "y": 2}, {"type": "wait"}]', False),
+        ('[{"action_type": "PlanAction"}, {"action_type": "PlanAction"}]', False),
+        ('{"type": "click", "x": 1, "y": 2}', False),
+        ("pyautogui.click(1, 2)\npyautogui.write('a')", False),  # the action is all of it
+        ("Click [5] and type 'a'", False),
+        ("", False),
+    ],
+)
+def test_a_reply_with_several_actions_is_known(code: str, several: bool) -> None:
+    assert holds_several(code, Action("click", 1, 2)) is several
+
+
 def test_verify_finds_another_label_of_a_lost_action(recording, tmp_path):
     out = tmp_path / "set"
     build(recording(trajectories=1), out, corruptions="missed_input:step=1")
@@ -173,7 +194,7 @@ def test_actions_that_cannot_be_done_again_and_mixed_labels_are_refused(recordin
 
 def test_lost_actions_of_real_recordings(shared_data, tmp_path):
     source = shared_data / "trajectories/screenagent"
-    report = build(source, tmp_path / "set", corruptions="missed_input", output="lazy", limit=4)
+    report = build(source, tmp_path / "set", corruptions="missed_input", output="lazy", limit=8)
     rows = rows_of(tmp_path / "set", "missed_input")
     clean = {(row["trajectory_id"], row["step"]): row for row in rows_of(tmp_path / "set", "clean")}
     again = [row for row in rows if row["inserted"]]

@@ -8,7 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from hijack_data.actions.recorded_actions import holds_several
 from hijack_data.errors import ActionError, ParameterError
+from hijack_data.labels.action_formats import own_action
 
 from ...building.build_options import Progress
 from ...dataset.manifest import is_lazy
@@ -186,12 +188,14 @@ class _Tables:
         self._add("summaries", about(frame.row) | example)
 
     def _action(self, row: Row) -> str:
-        """Return the action as text of the dialect, or as recorded.
+        """Return the action as text of the dialect, or as recorded; several only as recorded.
 
         Raises:
             ActionError: the dialect cannot express the action, and no code was recorded.
             ParameterError: a value of the action is out of its range, and no code was recorded.
         """
+        if holds_several(row["action_code"], own_action(row["action"])):
+            return str(row["action_code"])
         try:
             return action_text(row, self.report.dialect)
         except (ActionError, ParameterError):
