@@ -114,7 +114,7 @@ class Knowledge:
     def _completed(
         self, trajectory: Trajectory, used_entries: set[KnowledgeEntry], excluded: list[str]
     ) -> Trajectory:
-        fitting = [entry for entry in self.entries if fnmatchcase(trajectory.id, entry.match)]
+        fitting = [entry for entry in self.entries if _matches(trajectory.id, entry.match)]
         used_entries.update(fitting)
         apps = next((entry.apps for entry in fitting if entry.apps), ())
         platform = next((entry.platform for entry in fitting if entry.platform), None)
@@ -161,6 +161,11 @@ class Knowledge:
     def _covers(self, name: str) -> bool:
         """Return whether an application may be one of those of the option."""
         return any(may_be_same(name, app) for app in self.apps)
+
+
+def _matches(name: str, pattern: str) -> bool:
+    """Return whether a trajectory's id fits a pattern with `*` and `?`; brackets are letters."""
+    return fnmatchcase(name, pattern.replace("[", "[[]"))
 
 
 def read_knowledge(

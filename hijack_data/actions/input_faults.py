@@ -229,9 +229,28 @@ def can_hit(fault: InputFault, calls: Sequence[PyautoguiCall]) -> bool:
     return bool(input_kinds(calls) & set(fault.of)) and _is_complete(calls)
 
 
-def is_relative(calls: Sequence[PyautoguiCall]) -> bool:
-    """Return whether calls move the pointer by a distance, so that their order and number count."""
-    return any("xOffset" in POINTER.get(call.function, ()) for call in calls)
+def moves_from_pointer(calls: Sequence[PyautoguiCall]) -> bool:
+    """Return whether an action acts where the pointer happens to be, and moves it.
+
+    Such an action leads elsewhere if it is done twice: a move by a distance, a drag whose start is
+    not in the code, a click at the pointer before a move.
+    """
+    is_placed = acts_at_pointer = moves = False
+    for call in calls:
+        parameters = POINTER.get(call.function)
+        if parameters is None:
+            continue
+        if "xOffset" in parameters:
+            return True
+        given = _bind(call)
+        x, y = given.get("x"), given.get("y")
+        is_place = isinstance(x, tuple) or (x is not None and y is not None)
+        # A drag begins where the pointer is.
+        begins_placed = is_placed or (is_place and call.function not in _DRAGS)
+        acts_at_pointer |= call.function not in _MOVES and not begins_placed
+        moves |= x is not None or y is not None
+        is_placed |= is_place
+    return acts_at_pointer and moves
 
 
 def input_kinds(calls: Sequence[PyautoguiCall]) -> set[InputKind]:

@@ -45,6 +45,19 @@ KEYBOARD: dict[str, tuple[str, ...]] = {
     "keyDown": ("key",),
     "keyUp": ("key",),
 }
+_KEY_WORDS = """
+    accept add alt altleft altright apps backspace browserback browserfavorites browserforward
+    browserhome browserrefresh browsersearch browserstop capslock clear command convert ctrl
+    ctrlleft ctrlright decimal del delete divide down end enter esc escape execute final fn hanguel
+    hangul hanja help home insert junja kana kanji launchapp1 launchapp2 launchmail
+    launchmediaselect left modechange multiply nexttrack nonconvert num0 num1 num2 num3 num4 num5
+    num6 num7 num8 num9 numlock option optionleft optionright pagedown pageup pause pgdn pgup
+    playpause prevtrack print printscreen prntscrn prtsc prtscr return right scrolllock select
+    separator shift shiftleft shiftright sleep space stop subtract tab up volumedown volumemute
+    volumeup win winleft winright yen
+"""
+# The keys of pyautogui with names; every single character is one, too.
+KEY_NAMES = frozenset(_KEY_WORDS.split()) | {f"f{number}" for number in range(1, 25)}
 SETTINGS = frozenset({"PAUSE", "FAILSAFE", "MINIMUM_DURATION", "MINIMUM_SLEEP"})
 BUTTONS = {name.upper(): name for name in ("left", "middle", "right", "primary", "secondary")}
 

@@ -4,12 +4,18 @@ import json
 from collections.abc import Mapping
 from typing import Any, cast
 
-from .dialects import DICT_DIALECTS, FRACTIONS, RESIZED_DIALECTS, map_typed
+from ..errors import HijackError
+from ..types import Action
+from .dialects import DIALECTS, DICT_DIALECTS, FRACTIONS, RESIZED_DIALECTS, map_typed, parse_actions
+from .dialects.pyautogui_code import calls_pyautogui
 from .scaling import Scaling
 
 # Nothing in the text depends on the size of the picture: no coordinates at all, or fractions of it.
 SIZELESS = "sizeless"
 SCREENAGENT = "screenagent"
+_ANY_SIZE = (1000, 1000)
+# Entries of lists that change nothing on the screen: of ScreenAgent, OpenAI and Anthropic.
+_IDLE = ("PlanAction", "EvaluateSubTaskAction", "WaitAction", "wait", "screenshot")
 
 
 def map_recorded(code: str, dialect: str, scaling: Scaling, model: Scaling) -> str:
@@ -36,6 +42,45 @@ def map_recorded(code: str, dialect: str, scaling: Scaling, model: Scaling) -> s
         mapped = [_mapped(item, dialect, scaling) for item in cast("list[Any]", data)]
         return json.dumps(mapped, ensure_ascii=False)
     return json.dumps(_mapped(data, dialect, scaling), ensure_ascii=False)
+
+
+def holds_several(code: str, first: Action) -> bool:
+    """Return whether a reply of a model holds more actions than its first one; waits do not count.
+
+    A recorded step has the first action of a reply as its own. Code of pyautogui is one action
+    however many calls it has.
+
+    Args:
+        code: the recorded text, of any dialect; dictionaries are JSON, alone or in a list.
+        first: the first action.
+    """
+    if not code or calls_pyautogui(code):
+        return False
+    try:
+        data: object = json.loads(code)
+    except (ValueError, RecursionError):
+        data = None
+    if isinstance(data, list):
+        return sum(map(_acts, cast("list[Any]", data))) > 1
+    for dialect in DIALECTS:
+        raw = data if dialect in DICT_DIALECTS else code
+        if dialect == "pyautogui" or raw is None:
+            continue
+        try:
+            actions = parse_actions(raw, dialect, _ANY_SIZE)
+        except HijackError:
+            continue
+        acting = [action for action in actions if action.type != "wait"]
+        if len(acting) > 1 and acting[0].type == first.type:
+            return True
+    return False
+
+
+def _acts(entry: Any) -> bool:
+    """Return whether an entry of a recorded list does something on the screen."""
+    fields = cast("dict[str, Any]", entry) if isinstance(entry, dict) else {}
+    kinds = (fields.get("action_type"), fields.get("type"), fields.get("action"))
+    return not any(kind in _IDLE for kind in kinds if isinstance(kind, str))
 
 
 def _mapped(data: object, dialect: str, scaling: Scaling) -> object:

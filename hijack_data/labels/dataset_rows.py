@@ -255,23 +255,31 @@ def map_action_code(code: str, action: Any, move: Move) -> str:
             problem = _unclear(code)
             raise problem
         return map_recorded(code, "pyautogui", move.scaling, move.scaling)
-    dialect = detect_dialect(code, own_action(action), move.before)
+    dialect = detect_dialect(code, own_action(action), move.before, move.after)
     between_models = move.scaling
     if dialect in RESIZED_DIALECTS:
-        between_models = Scaling(smart_resize(*move.before), smart_resize(*move.after))
+        between_models = _between_models(move.before, move.after)
     # As in a build: if the action itself is on the screen, other points in its text are clamped to
     # the edge.
     return map_recorded(code, dialect, Scaling(move.before, move.after), between_models)
 
 
-def detect_dialect(code: str, action: Action, size: Size) -> str:
+def detect_dialect(code: str, action: Action, size: Size, after: Size | None = None) -> str:
     """Return the dialect of the code of a row, whose action is known.
 
     Rows do not name the dialect, so each dialect is tried; the right one is the one in which the
     code means that action.
 
+    Args:
+        code: the text of the action.
+        action: the action, in pixels of the picture.
+        size: `(height, width)` of the picture.
+        after: the size to which the picture is resized; twice its size if it is not known.
+
     Raises:
-        LabelError: the code holds coordinates, and means the action in no dialect.
+        LabelError: the code holds coordinates, and means the action in no dialect; or it means the
+            action both in pixels of the smart-resized picture and in fractions, and would become
+            another text in each.
     """
     is_pointing = action.point is not None and _holds_two_numbers(code)
     if not is_pointing and not holds_coordinates(code):
@@ -288,14 +296,28 @@ def detect_dialect(code: str, action: Action, size: Size) -> str:
     candidates = (*RESIZED_DIALECTS, *FRACTIONS)
     if data is not None:
         candidates = (*DICT_DIALECTS, *candidates)
-    for dialect in candidates:
-        raw = entries[0] if dialect in DICT_DIALECTS else code
-        if _means_action(raw, dialect, action, size):
-            return dialect
+    fitting = [
+        dialect
+        for dialect in candidates
+        if _means_action(entries[0] if dialect in DICT_DIALECTS else code, dialect, action, size)
+    ]
+    resized = next((dialect for dialect in fitting if dialect in RESIZED_DIALECTS), None)
+    other = next((dialect for dialect in fitting if dialect not in RESIZED_DIALECTS), None)
+    if resized and other in FRACTIONS:
+        between = _between_models(size, after or (2 * size[0], 2 * size[1]))
+        if map_recorded(code, resized, between, between) != code:
+            problem = _unclear(code)
+            raise problem
+    if fitting:
+        return fitting[0]
     if _in_thousandths(code, action, size):
         return SIZELESS
     problem = _unclear(code)
     raise problem
+
+
+def _between_models(before: Size, after: Size) -> Scaling:
+    return Scaling(smart_resize(*before), smart_resize(*after))
 
 
 def _unclear(code: str) -> LabelError:

@@ -10,7 +10,7 @@ import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from hijack_data.actions.dialects.field_checks import key_names
+from hijack_data.actions.dialects.field_checks import key_name
 from hijack_data.errors import ParameterError
 from hijack_data.types import AIMING, Action, Box, Point, Size, in_box
 
@@ -274,6 +274,6 @@ def _plain_keys(keys: Sequence[str]) -> tuple[frozenset[str], tuple[str, ...]]:
     lower = [key.lower() for key in keys if key]  # an empty text names no key
     if not lower:
         return frozenset(), ()
-    names = [_SIDE.sub(r"\1", name) for name in key_names(lower, "keys")]
+    names = [_SIDE.sub(r"\1", name) for name in map(key_name, lower)]
     modifiers = frozenset(name for name in names if name in MODIFIERS)
     return modifiers, tuple(name for name in names if name not in MODIFIERS)

@@ -237,7 +237,7 @@ def _reading(lazy: bool) -> list[str]:
 def _how(manifest: Mapping[str, Any], has_faults: bool) -> list[str]:
     parameters = manifest["parameters"]
     boxes = (
-        "found in the picture (OpenCV)"
+        "those of the recording or, where it has none, found in the picture (OpenCV)"
         if parameters["elements"] == "picture"
         else "those of the recording, if any"
     )
@@ -246,8 +246,9 @@ def _how(manifest: Mapping[str, Any], has_faults: bool) -> list[str]:
         "",
         (
             f"Every corruption was planned with seed {parameters['seed']} and applied to the"
-            " screenshot; clean rows hold the screenshot as it was recorded. Plans depend on seed,"
-            f" corruption, trajectory and step alone. Boxes of interactive elements are {boxes}."
+            " screenshot; clean rows hold the screenshot as it was recorded. Draws depend on seed,"
+            " corruption, trajectory (or the task that it shares with others) and step alone; plans"
+            f" also on what the step shows. Boxes of interactive elements are {boxes}."
             f" {_POLICIES[parameters['label_policy']]}"
         ),
         "",
@@ -305,6 +306,7 @@ def _limit(parameters: Mapping[str, Any]) -> list[str]:
 def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
     """Return the options that describe the recordings of a build."""
     recordings = parameters.get(RECORDINGS, {})
+    reader = ["--format", parameters["format"]] if "format" in parameters else []
     apps = ["--apps", ",".join(recordings["apps"])] if recordings.get("apps") else []
     platform = ["--platform", recordings["platform"]] if recordings.get("platform") else []
     spaces = [
@@ -314,6 +316,7 @@ def _stated_options(parameters: Mapping[str, Any]) -> list[str]:
         for word in (f"--{name.replace('_', '-')}", parameters[name])
     ]
     return [
+        *reader,
         *apps,
         *platform,
         *spaces,

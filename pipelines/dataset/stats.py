@@ -1,5 +1,6 @@
 """The figures of a dataset: counts, visible shares of targets, changed shares of pictures."""
 
+import math
 import os
 from array import array
 from collections import Counter
@@ -208,6 +209,15 @@ def stats(folder: str | os.PathLike[str]) -> Stats:
         labels=labels,
         counts=manifest["counts"],
     )
+
+
+def percent_text(share: float) -> str:
+    """Return a share as whole percent, which are 0 and 100 only if it is exactly so.
+
+    They are rounded down, so that a share below a half is not said to be 50 %.
+    """
+    percent = math.floor(100 * share + 1e-9)
+    return "under 1 %" if share > 0 and not percent else f"{percent} %"
 
 
 def changed_text(data: dict[str, Any]) -> str:

@@ -19,7 +19,7 @@ from hijack_data.types import UInt8Array
 from .columns import BASE, VISIBLE
 from .lazy_rows import decode_column
 from .opening import Dataset, open_dataset, shard_rows
-from .stats import BINS, LabelStats, Stats, changed_text
+from .stats import BINS, LabelStats, Stats, changed_text, percent_text
 
 PAIRS = 3
 WIDTH = 720
@@ -114,7 +114,7 @@ def _changed_share(label: str, data: dict[str, Any]) -> str:
     if label == CLEAN:
         return "\u2013"
     if data["changed"]["min"] == 1:
-        return "all, resized"
+        return "all"  # resized, or another screen
     return changed_text(data)
 
 
@@ -239,7 +239,7 @@ def _badge(share: float | None) -> str:
     if share is None or share >= 1:
         return ""
     kind = "hidden" if share < VISIBLE else "partly"
-    return f'<span class="chip {kind}">{100 * share:.0f} % shows</span>'
+    return f'<span class="chip {kind}">{percent_text(share)} shows</span>'
 
 
 def _facts(row: Mapping[str, Any], resized: bool) -> list[str]:
@@ -248,7 +248,7 @@ def _facts(row: Mapping[str, Any], resized: bool) -> list[str]:
         change = f"{quantity(row['changed_pixels'], 'pixel')} changed"
     share = row["target_visible"]
     if share is not None:
-        change += f", {100 * share:.0f} % of the target shows"
+        change += f", {percent_text(share)} of the target shows"
     facts = [change]
     if row["event"]:
         facts.append(f"{row['fidelity']}: {row['event']}")

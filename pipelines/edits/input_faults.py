@@ -16,10 +16,11 @@ from dataclasses import dataclass, replace
 
 from hijack_data.actions.agent_actions import ACTION_WORDS
 from hijack_data.actions.dialects.pyautogui_write import write_pyautogui
-from hijack_data.actions.input_faults import FaultKind, InputFault, can_hit, is_relative
-from hijack_data.actions.pyautogui_functions import RECORDED_FUNCTIONS
+from hijack_data.actions.input_faults import FaultKind, InputFault, can_hit, moves_from_pointer
+from hijack_data.actions.pyautogui_functions import KEYBOARD, POINTER, RECORDED_FUNCTIONS
 from hijack_data.actions.pyautogui_grammar import PyautoguiCall, read_calls
 from hijack_data.actions.python_source import ParsedSource
+from hijack_data.actions.recorded_actions import holds_several
 from hijack_data.errors import ActionError
 from hijack_data.plan import Plan
 from hijack_data.planner import Planner
@@ -54,7 +55,13 @@ NOT_REPAIRED = (
 DONE_AGAIN = (
     "the run does not show that what the agent did next was right: it did the same again later"
 )
-RELATIVE = "the action moves the pointer by a distance, so doing it again would lead elsewhere"
+RELATIVE = (
+    "the action begins where the pointer is, and moves it, so doing it again would lead elsewhere"
+)
+SEVERAL = (
+    "the reply holds several actions, and the recording shows no screen between them: what follows"
+    " is that of all"
+)
 _BEFORE = -1
 
 
@@ -166,7 +173,7 @@ class _RecordingFaults:
             NotApplicable: it waits in vain.
         """
         for number, plan in self._newest(len(self._steps) - 1):
-            actions = [_calls(step) for step in self._steps[max(0, number) :]]
+            actions = [recorded_calls(step) for step in self._steps[max(0, number) :]]
             if not any(can_hit(fault, calls) for fault in plan.inputs for calls in actions):
                 raise NotApplicable(NEVER_HIT)
 
@@ -216,14 +223,16 @@ class _RecordingFaults:
         """Return whether a fault that waits from a step on hits the action at a position."""
         # The action itself comes first: most settle it alone.
         positions = (position, *range(max(0, number), position))
-        hits = (can_hit(fault, _calls(self._steps[index])) for index in positions)
+        hits = (can_hit(fault, recorded_calls(self._steps[index])) for index in positions)
         return next(hits) and not any(hits)
 
 
 def _problem(fault: InputFault, step: Step, recorded: Sequence[InputFault]) -> str:
     """Return why a fault that did not happen cannot be shown; `""` if it can."""
     if fault.fault == "drop":
-        return RELATIVE if is_relative(_calls(step)) else ""
+        if holds_several(step.action_code, step.action):
+            return SEVERAL
+        return RELATIVE if moves_from_pointer(recorded_calls(step)) else ""
     is_other = any(other.fault == fault.fault for other in recorded)
     return OTHER_FAULT if is_other else NO_PICTURE
 
@@ -233,7 +242,25 @@ def _are_same(first: InputFault, second: InputFault) -> bool:
     return replace(first, actions=1) == replace(second, actions=1)
 
 
-def _calls(step: Step) -> Sequence[PyautoguiCall]:
+def is_held(steps: Sequence[Step]) -> bool:
+    """Return whether the actions of some steps leave a button or a key pressed."""
+    down: set[str] = set()
+    for step in steps:
+        for call in recorded_calls(step):
+            is_key = call.function in ("keyDown", "keyUp")
+            if not is_key and call.function not in ("mouseDown", "mouseUp"):
+                continue
+            arguments = call.bind(KEYBOARD[call.function] if is_key else POINTER[call.function])
+            pressed = arguments.get("key" if is_key else "button")
+            name = "left" if pressed is None else str(pressed.value)
+            if call.function.endswith("Down"):
+                down.add(name)
+            else:
+                down.discard(name)
+    return bool(down)
+
+
+def recorded_calls(step: Step) -> Sequence[PyautoguiCall]:
     """Return the calls of a recorded action; none if it does nothing, or is no such code."""
     code = step.action_code
     if isinstance(step, RecordedStep) and not step.acts:

@@ -11,13 +11,15 @@ from typing import ClassVar
 
 import numpy as np
 
+from hijack_data.actions.pyautogui_functions import KEYBOARD, POINTER
 from hijack_data.apps import is_browser, is_mentioned, may_be_same, normalize_app
 from hijack_data.geometry import intersection, intersection_area, largest_free_rectangle
 from hijack_data.pack import Asset
 from hijack_data.plan import Effect, Paste
-from hijack_data.types import Box, BoxArray, Point, Scene, Size, as_boxes, clip_boxes
+from hijack_data.types import Box, BoxArray, Point, Scene, Size, Step, as_boxes, clip_boxes
 
 from .base import NAME_APPS, Edit, EditedStep, Frame, NotApplicable, between_bars
+from .input_faults import recorded_calls
 
 # Pixels kept free around the target.
 TARGET_MARGIN_PX = 8
@@ -26,6 +28,7 @@ GRID = 5
 # Actions that have the same meaning wherever the window is. Other actions are at a place, or go to
 # the active window.
 ANYWHERE = ("wait", "done", "fail")
+KEYS = frozenset({"type", "hotkey", "key_down", "key_up"})
 
 
 @dataclass(frozen=True)
@@ -103,10 +106,28 @@ def _check_step(frame: Frame, scene: Scene) -> None:
             f" another; {NAME_APPS}"
         )
     acts = getattr(frame.step, "acts", True)
+    if acts and _begins_with_keys(frame.step):
+        raise NotApplicable("the action begins with keys, which would go to the second window")
     if scene.target is None and acts and frame.step.action.type not in ANYWHERE:
         raise NotApplicable(
             "the action names no place on the screen that a second window could leave free"
         )
+
+
+def _begins_with_keys(step: Step) -> bool:
+    """Return whether an action presses keys before any button of the mouse.
+
+    Keys go to the active window, whatever element the recording names as their target. Keys that
+    are held around a click are a part of it.
+    """
+    if step.action.type in KEYS:
+        return True
+    for call in recorded_calls(step):
+        if call.function in KEYBOARD and call.function not in ("keyDown", "keyUp"):
+            return True
+        if call.function in POINTER and call.function not in ("moveTo", "moveRel", "move"):
+            return False
+    return False
 
 
 def _notes(frame: Frame, name: str, planned_app: str) -> Iterator[str]:

@@ -21,10 +21,13 @@ from ..fidelity import row_fidelity
 from ..readers.recorded_actions import RecordedStep
 from . import EDITS
 from .base import EditedStep, Frame, NotApplicable
-from .input_faults import fault_steps
+from .input_faults import fault_steps, is_held
 
 BEFORE = -1  # the step number of effects before the first step
 AVOIDING = ("avoid", "recover")
+HELD = (
+    "an earlier action holds a button or a key down, which would change what undoes the event does"
+)
 
 
 @dataclass(frozen=True)
@@ -150,6 +153,8 @@ class VariantPlanner:
                 " shows"
             )
         edit = EDITS[effect.kind]
+        if edit.inserted and is_held(sample.trajectory.steps[: sample.position]):
+            raise NotApplicable(HELD)
         stream = Stream(self.seed, f"edit-{effect.kind}-v{edit.version}", sample.key, number)
         frame = Frame(
             trajectory=sample.trajectory,

@@ -5,8 +5,9 @@ corruption, in the order of the steps, and `images/` beside it their screenshots
 step: its `message` is the action in the chosen dialect, its only tool call is `desktop_action` with
 the columns of `action` as arguments, in pixels of the screenshot. ATIF shows a screen as the result
 of the step before, so the first screenshot is part of the user's message and each later one the
-observation of the preceding step. Where steps are missing between two rows, a system step says so
-and shows the screenshot. The other columns are in `extra`.
+observation of the preceding step. Where steps are missing between two rows, or what followed an
+event was not recorded, a system step says so and shows the screenshot. The other columns are in
+`extra`.
 """
 
 import json
@@ -15,11 +16,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from hijack_data.actions.recorded_actions import holds_several
 from hijack_data.file_io import write_atomic
+from hijack_data.labels.action_formats import own_action
 
 from ..dataset.columns import ACTION
 from ..readers.atif import EXPORT_KEY, TOOL
-from .example import Example, escape_tokens
+from .example import Example, Row, escape_tokens
+from .stored_rows import row_faults
 
 VERSION = "ATIF-v1.7"
 _ARGUMENTS = {"string": "string", "int32": "integer", "float64": "number"}
@@ -53,30 +57,34 @@ class _Episode:
         folder: where it is written.
         about: the first row.
         steps: the steps so far.
-        last: the recorded number of the last step.
+        next: the recorded number of the step that the last action leads to; `None` if what follows
+            was not recorded.
     """
 
     folder: Path
     about: dict[str, Any]
     steps: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
-    last: int = -1
+    next: int | None = 0
 
     def add(self, example: Example) -> bool:
         """Add a row; return whether steps are missing before it."""
         row = example.row
         image = self._image(example.png)
-        missing = bool(self.steps) and row["step"] > self.last + 1
+        missing = bool(self.steps) and (self.next is None or row["step"] > self.next)
         if not self.steps:
             text = {"type": "text", "text": escape_tokens(row["instruction"])}
             self._step("user", [text, image])
         elif missing:
-            text = f"Steps {self.last + 1} to {row['step'] - 1} of the recording are not exported."
-            self._step("system", text, observation={"results": [{"content": [image]}]})
+            self._step(
+                "system",
+                _gap_text(self.next, row["step"]),
+                observation={"results": [{"content": [image]}]},
+            )
         else:
             call = self.steps[-1]["tool_calls"][0]["tool_call_id"]
             result = {"source_call_id": call, "content": [image]}
             self.steps[-1]["observation"] = {"results": [result]}
-        self.last = row["step"]
+        self.next = _following_step(row)
         arguments = {name: row["action"][name] for name in ACTION}
         call = {
             "tool_call_id": f"call_{len(self.steps) + 1}",
@@ -116,6 +124,26 @@ class _Episode:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(png)
         return {"type": "image", "source": {"media_type": "image/png", "path": name}}
+
+
+def _following_step(row: Row) -> int | None:
+    """Return the recorded number of the step after a row; `None` if what follows is not recorded.
+
+    What undoes an event leads back to the recorded step. After waiting at a locked screen, or
+    acting beside a second window, a live desktop would show something else than the recording.
+    Where a reply held several actions, the row has the first, and the next screen is that of all.
+    """
+    if holds_several(row["action_code"], own_action(row["action"])):
+        return None
+    if row["event"] is None or row_faults(row):
+        return int(row["step"]) + 1
+    return int(row["step"]) if row["inserted"] else None
+
+
+def _gap_text(expected: int | None, step: int) -> str:
+    if expected is None:
+        return f"What followed was not recorded; this is the screen of step {step}."
+    return f"Steps {expected} to {step - 1} of the recording are not exported."
 
 
 class AtifWriter:

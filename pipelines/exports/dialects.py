@@ -64,10 +64,10 @@ def _ui_tars(row: Mapping[str, Any], make_scaling: Callable[[Size], Scaling], di
         return f"finished(content={_quote(action.text)})" if action.text else "finished()"
     if kind == "type":
         return f"type(content={_quote(_text(action, dialect))})"
-    if kind == "hotkey":
+    if kind == "hotkey" and not action.amount:  # which would be seconds of holding them
         keys = " ".join(_keys(action, dialect))
         return f"hotkey(key='{keys}')"
-    if action.keys:
+    if action.keys or kind == "hotkey":
         raise unsupported_action_error(action, dialect)
     screen = (int(row["height"]), int(row["width"]))
     return _ui_tars_pointing(action, make_scaling(screen), dialect)

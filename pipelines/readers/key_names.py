@@ -2,20 +2,9 @@
 
 from collections.abc import Iterable
 
+from hijack_data.actions.pyautogui_functions import KEY_NAMES
 from hijack_data.errors import suggest
 
-_WORDS = """
-    accept add alt altleft altright apps backspace browserback browserfavorites browserforward
-    browserhome browserrefresh browsersearch browserstop capslock clear command convert ctrl
-    ctrlleft ctrlright decimal del delete divide down end enter esc escape execute final fn hanguel
-    hangul hanja help home insert junja kana kanji launchapp1 launchapp2 launchmail
-    launchmediaselect left modechange multiply nexttrack nonconvert num0 num1 num2 num3 num4 num5
-    num6 num7 num8 num9 numlock option optionleft optionright pagedown pageup pause pgdn pgup
-    playpause prevtrack print printscreen prntscrn prtsc prtscr return right scrolllock select
-    separator shift shiftleft shiftright sleep space stop subtract tab up volumedown volumemute
-    volumeup win winleft winright yen
-"""
-NAMES = frozenset(_WORDS.split()) | {f"f{number}" for number in range(1, 25)}
 # Names that other tools give to these keys.
 OTHER_NAMES = {
     "control": "ctrl",
@@ -51,8 +40,8 @@ def key_problem(keys: Iterable[str]) -> str:
         return "names no key; write such as ['ctrl', 's']"
     for name in names:
         lowered = name.lower()
-        if len(name) != 1 and lowered not in NAMES:
+        if len(name) != 1 and lowered not in KEY_NAMES:
             suggestion = OTHER_NAMES.get(lowered)
-            hint = f"; write {suggestion!r}" if suggestion else suggest(lowered, NAMES)
+            hint = f"; write {suggestion!r}" if suggestion else suggest(lowered, KEY_NAMES)
             return f"{name!r:.40} is not the name of a key in pyautogui{hint}"
     return ""

@@ -14,6 +14,7 @@ from ..dataset.lazy_rows import decode_column, row_plan
 from ..dataset.manifest import is_lazy, read_manifest
 from ..dataset.opening import Dataset, open_row
 from ..dataset.row_reader import RowReader
+from ..dataset.stats import percent_text
 from ..errors import DatasetError
 from ..readers.fields import FieldError
 from ..readers.safe_files import inside
@@ -268,5 +269,5 @@ def _notes(stored: Mapping[str, Any]) -> Fields:
     if stored.get("inserted"):
         notes.append(("Inserted", "this step is not in the recording"))
     if stored["target_visible"] is not None and stored["corruption"] != CLEAN:
-        notes.append(("Target", f"{100 * stored['target_visible']:.0f} % of it shows"))
+        notes.append(("Target", f"{percent_text(stored['target_visible'])} of it shows"))
     return notes

@@ -1,13 +1,27 @@
 """Typed actions as code: nothing of what the model asked for is lost on the way."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
-from hijack_data.actions import DIALECTS, code_of, read_action
+from hijack_data.actions import (
+    DIALECTS,
+    RESIZED_DIALECTS,
+    code_of,
+    parse_actions,
+    parse_pyautogui,
+    read_action,
+)
+from hijack_data.coords import CoordMap
 from hijack_data.errors import ActionError, ParameterTypeError, UnknownNameError
+from hijack_data.smart_resize import smart_resize
 
 SIZE = (1080, 1920)
+
+
+def resized(dialect):
+    return smart_resize(*SIZE) if dialect in RESIZED_DIALECTS else SIZE
 
 
 def qwen(**arguments):
@@ -81,6 +95,20 @@ WRITTEN = [
         anthropic("type", text="hi", coordinate=[3, 4], press_enter=True),
         ["pyautogui.click(3, 4)\npyautogui.write('hi\\n')"],
     ),
+    # Names of keys as xdotool has them; pyautogui ignores what it does not know.
+    ("anthropic", anthropic("key", text="ctrl+minus"), ["pyautogui.hotkey('ctrl', '-')"]),
+    ("anthropic", anthropic("key", text="ctrl++"), ["pyautogui.hotkey('ctrl', '+')"]),
+    ("anthropic", anthropic("key", text="KP_Enter"), ["pyautogui.press('enter')"]),
+    ("anthropic", anthropic("key", text="Prior"), ["pyautogui.press('pageup')"]),
+    ("anthropic", anthropic("key", text="ctrl c"), ["pyautogui.hotkey('ctrl', 'c')"]),
+    ("anthropic", anthropic("key", text="ctrl + c"), ["pyautogui.hotkey('ctrl', 'c')"]),
+    (
+        "anthropic",
+        anthropic("key", text="ctrl+a Down Down"),
+        ["pyautogui.hotkey('ctrl', 'a')\npyautogui.press('down')\npyautogui.press('down')"],
+    ),
+    ("anthropic", anthropic("type", text="a", press_enter=True), ["pyautogui.write('a\\n')"]),
+    ("openai", openai("keypress", keys=["ctrl+a"]), ["pyautogui.hotkey('ctrl', 'a')"]),
     (
         "anthropic",
         anthropic("scroll", coordinate=[3, 4], scroll_direction="left", scroll_amount=2),
@@ -131,6 +159,17 @@ def test_a_typed_action_as_code(dialect, action, code):
         read_action(item)  # a live desktop lets it through
 
 
+@pytest.mark.parametrize(("dialect", "action", "code"), WRITTEN)
+def test_an_action_says_all_that_its_code_does_or_is_other(dialect, action, code):
+    (first, *_) = parse_actions(action, dialect, resized(dialect))
+    if dialect in RESIZED_DIALECTS:
+        first = CoordMap(resized(dialect), SIZE).action_to_screen(first)
+    said = parse_pyautogui(code[0], SIZE)
+    # Amounts are in seconds or rounded to notches there.
+    same = replace(first, amount=None) == replace(said, amount=None)
+    assert same or first.type in ("other", "wait", "done", "fail")
+
+
 def test_the_models_own_size_of_the_picture_counts():
     call = qwen(action="left_click", coordinate=[48, 27])
     assert code_of(call, "qwen2.5_vl", SIZE, (54, 96)) == ["pyautogui.click(969, 549)"]
@@ -147,6 +186,8 @@ def test_the_models_own_size_of_the_picture_counts():
         ("anthropic", anthropic("key", text="a", repeat=True), "repeat must be"),
         ("anthropic", anthropic("hold_key", text="a", duration=1e6), "duration must be"),
         ("anthropic", anthropic("open_web_browser"), "no action"),
+        ("anthropic", anthropic("key", text="ctrl+entre"), "did you mean 'enter'"),
+        ("openai", openai("keypress", keys=["XF86Copy"]), "not the name of a key"),
         ("qwen3_vl", qwen(action="left_click", coordinate=[1800, 500]), "outside the 0 to 1000"),
         ("qwen2.5_vl", qwen(action="left_click", coordinate=[0.4, 0.5]), "fractions"),
         ("qwen2.5_vl", qwen(action="open", text="x"), "no such key or gesture"),

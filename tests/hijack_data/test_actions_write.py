@@ -38,6 +38,16 @@ def test_what_is_written_is_read_back(action, code):
     assert (again.point, again.x2, again.y2) == (action.point, action.x2, action.y2)
 
 
+def test_keys_are_held_for_as_long_as_the_action_says():
+    assert write_pyautogui(Action("hotkey", keys=("ctrl", "a"), amount=1.5)).splitlines() == [
+        "pyautogui.keyDown('ctrl')",
+        "pyautogui.keyDown('a')",
+        "pyautogui.sleep(1.5)",
+        "pyautogui.keyUp('a')",
+        "pyautogui.keyUp('ctrl')",
+    ]
+
+
 def test_keys_that_are_held_go_down_before_and_up_after():
     pyautogui = write_pyautogui(Action("click", 3, 4, keys=("ctrl", "shift")))
     assert [line.split("(")[0].rpartition(".")[2] for line in pyautogui.splitlines()] == [

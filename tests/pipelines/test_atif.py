@@ -1,5 +1,5 @@
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -7,9 +7,13 @@ from typing import Any
 import pytest
 
 import hijack_data as hj
+from hijack_data.plugin import InputFault
 from hijack_data.types import Action
 from pipelines import build, open_dataset
-from pipelines.exports import export
+from pipelines.dataset.columns import ACTION
+from pipelines.exports import Example, export
+from pipelines.exports.atif import AtifWriter
+from pipelines.exports.example import ABOUT
 from pipelines.readers import detect_format
 from pipelines.readers.recorded_pictures import read_picture
 
@@ -142,6 +146,49 @@ def test_our_export_is_valid(exported: Path) -> None:
             result = step.observation.results[0].content if step.observation else []
             for part in [*result, *(step.message if isinstance(step.message, list) else [])]:
                 assert part.type == "text" or (document.parent / part.source.path).is_file()
+
+
+NOTHING = {**dict.fromkeys(ACTION), "type": "click"}
+SEVERAL = {"action_code": "Action: wait()\n\nclick(start_box='(1,2)')\n\ntype(content='a')"}
+LOCK = {"event": "The session was locked.", "inserted": False}
+MINIMISED = {"event": "All windows were minimised.", "inserted": True}
+LOST = {"event": "It got lost.", "inserted": True, "plan": InputFault("drop")}
+
+
+@pytest.mark.parametrize(
+    ("first", "following", "text"),
+    [
+        (MINIMISED, 2, None),  # its action leads back to the recorded step
+        (MINIMISED, 3, "Steps 2 to 2 of the recording are not exported."),
+        (LOST, 3, None),  # its action is the recorded one
+        (SEVERAL, 3, "What followed was not recorded; this is the screen of step 3."),
+        (LOCK, 3, "What followed was not recorded; this is the screen of step 3."),
+    ],
+)
+def test_a_screen_is_never_the_result_of_an_action_that_did_not_lead_to_it(
+    first: dict[str, Any], following: int, text: str | None, tmp_path: Path
+) -> None:
+    columns = {**dict.fromkeys(ABOUT, ""), "instruction": "do it", "action": NOTHING}
+    clean = {
+        **columns,
+        "action_code": "",
+        "event": None,
+        "inserted": False,
+        "plan": hj.Plan.clean((9, 9)),
+    }
+    rows = [{**clean, **first, "step": 2}, {**clean, "step": following}]
+    for row in rows:
+        if isinstance(row["plan"], InputFault):
+            row["plan"] = replace(hj.Plan.clean((9, 9)), inputs=(row["plan"],))
+        row["plan"] = row["plan"].to_json()
+    writer = AtifWriter(tmp_path)
+    examples = (Example(f"0-{k}", row, "", "WAIT", b"") for k, row in enumerate(rows))
+    writer.shard(0, examples)
+    writer.finish()
+    document = json.loads(next(tmp_path.rglob("trajectory.json")).read_text())
+    assert [s["message"] for s in document["steps"] if s["source"] == "system"] == [text] * bool(
+        text
+    )
 
 
 def test_our_export_comes_back(exported: Path) -> None:

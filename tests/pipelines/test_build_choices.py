@@ -325,3 +325,9 @@ def test_parameters_in_the_line(recording: Any, tmp_path: Path) -> None:
     assert list(rows) == ["clean", "few", "resolution"]
     assert json.loads(rows["few"]["params"])["number"] == 3
     assert rows["resolution"]["severity"] == 2
+
+
+def test_the_card_names_the_format_that_the_build_was_told(recording: Any, tmp_path: Path) -> None:
+    """Without it, its command would read a folder of several formats differently."""
+    build(recording(trajectories=1, steps=1), tmp_path / "out", corruptions=HALF, format="jsonl")
+    assert "--format jsonl --out" in (tmp_path / "out" / "README.md").read_text()

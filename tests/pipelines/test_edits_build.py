@@ -70,6 +70,32 @@ def test_all_nine(browsing: Path, nine: Any, assets: Path, tmp_path: Path) -> No
     assert len(set(ids)) == len(ids)
 
 
+@pytest.mark.parametrize(
+    ("actions", "rows"),
+    [
+        ([{"type": "mouse_down", "x": 100, "y": 50}, {"type": "move", "x": 110, "y": 50}], 0),
+        ([{"type": "key_down", "keys": ["shift"]}, {"type": "wait"}], 0),
+        ([{"type": "key_down", "keys": ["shift"]}, {"type": "key_up", "keys": ["shift"]}], 2),
+    ],
+)
+def test_nothing_is_undone_while_a_button_or_a_key_is_held(
+    actions: list[dict[str, Any]], rows: int, recording: Any, assets: Path, tmp_path: Path
+) -> None:
+    def action(row: dict[str, Any]) -> dict[str, Any]:
+        return dict(enumerate(actions)).get(row["step"], row["action"])
+
+    def code(row: dict[str, Any]) -> str:
+        return "" if row["step"] < 2 else row["action_code"]
+
+    source = with_apps(
+        recording(trajectories=1, steps=4), ["chrome"], action=action, action_code=code
+    )
+    labels = "accidental_touch:step=2,app_minimization:step=2"
+    report = build(source, tmp_path / "out", corruptions=labels, assets=assets)
+    made = report.rows["accidental_touch"] + report.rows["app_minimization"]
+    assert (made, "holds a button or a key" in str(report.not_applicable)) == (rows, not rows)
+
+
 def test_what_each_row_teaches(browsing: Path, assets: Path, tmp_path: Path) -> None:
     build(browsing, tmp_path / "out", corruptions=",".join(FIVE), assets=assets)
     entries = {label: rows[0] for label, rows in rows_by_label(tmp_path / "out").items()}

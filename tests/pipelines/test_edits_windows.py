@@ -1,6 +1,7 @@
 """Edits that paste something beside or at an element: second windows, and what a stray click
 opens."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -169,12 +170,29 @@ def test_seeds_choose_among_places_that_are_as_good(assets: Path) -> None:
     assert pasted(window(assets, seed=3)[0]) == pasted(window(assets, seed=3)[0])
 
 
+TYPED = "pyautogui.write('x')\npyautogui.click(100, 50)"
+
+
 @pytest.mark.parametrize(
-    "action", [Action("type", text="x"), Action("hotkey", keys=("a",)), Action("scroll", amount=1)]
+    ("action", "code", "reason"),
+    [
+        (Action("type", 100, 50, text="x"), "", "begins with keys"),
+        (Action("hotkey", 100, 50, keys=("a",)), "", "begins with keys"),
+        (Action("other", 100, 50), TYPED, "begins with keys"),
+        (Action("scroll", amount=1), "", "names no place on the screen"),
+    ],
 )
-def test_what_the_new_window_would_take_is_left_alone(action: Action, assets: Path) -> None:
-    with pytest.raises(NotApplicable, match="names no place on the screen"):
-        window(assets, action=action)
+def test_what_the_new_window_would_take_is_left_alone(
+    action: Action, code: str, reason: str, assets: Path
+) -> None:
+    frame = frame_of(assets, action=action)
+    frame = replace(frame, step=replace(frame.step, action_code=code))
+    with pytest.raises(NotApplicable, match=reason):
+        EDITS["launch_app"].apply(frame, LAUNCH)
+
+
+def test_a_click_with_held_keys_is_no_typing(assets: Path) -> None:
+    assert window(assets, action=Action("click", 100, 50, keys=("ctrl",)))[0].ops
 
 
 def test_an_action_that_needs_no_place_goes_with_any(assets: Path) -> None:

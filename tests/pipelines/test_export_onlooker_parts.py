@@ -32,6 +32,7 @@ def test_what_is_drawn(trajectories: list[list[tuple[int, str]]], tenths: int, s
             "corruption": label,
             "event": "it happened" if label in ("touch", "lock") else None,
             "reminder": "wait" if label == "lock" else None,
+            "changed_pixels": 0 if label == "clean" else 7,
         }
         for name, steps in enumerate(trajectories)
         for step, label in sorted(steps)
@@ -65,19 +66,23 @@ def test_each_kind_is_drawn_as_often() -> None:
             "corruption": label,
             "event": event,
             "reminder": reminder,
+            "changed_pixels": changed,
         }
         for k in range(0, 4000, 10)
-        for label, event, reminder in [
-            ("lock", "x", "wait"),
-            ("clean", None, None),
-            ("touch", "y", None),
-            *[("marks", None, None)] * 7,
+        for label, event, reminder, changed in [
+            ("lock", "x", "wait", 9),
+            ("clean", None, None, 0),
+            ("touch", "y", None, 9),
+            *[("marks", None, None, 9)] * 7,
+            *[("missed_input", None, None, 0)] * 7,  # their pictures are those of clean rows
         ]
     ]
-    counts = Counter(OnlookerSampler(1, 1).choose_rows(rows).values())
+    chosen = OnlookerSampler(1, 1).choose_rows(rows)
+    counts = Counter(chosen.values())
     assert counts[WITH_REMINDER] == 400
     assert set(counts) == {WITH_REMINDER, "same_step", "picture", "event"}
     assert all(100 < counts[kind] < 167 for kind in ("same_step", "picture", "event"))
+    assert not any(rows[number]["corruption"] == "missed_input" for number in chosen)
 
 
 def test_words_for_every_action() -> None:

@@ -13,7 +13,13 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 
 import hijack_data as hj
+from hijack_data.actions.input_faults import moves_from_pointer
+from hijack_data.actions.pyautogui_functions import LIVE_FUNCTIONS
+from hijack_data.actions.pyautogui_grammar import read_calls
+from hijack_data.actions.python_source import ParsedSource
+from hijack_data.actions.recorded_actions import holds_several
 from hijack_data.errors import HijackError
+from hijack_data.types import Action
 from online_env.environment import CorruptedEnv
 from online_env.scoring.cases import Selection, open_feed, select_cases
 from pipelines import build, open_dataset, verify
@@ -100,11 +106,54 @@ def test_exports_of_a_lost_action_have_the_action_before(recording, tmp_path):
     arrived = summaries["t0/0001/missed_input+drop"]
     assert arrived["id"] == "t0/0002/missed_input"
     assert arrived["changed"] > 0.5
+    # One picture does not show it, so there is neither a reminder pair nor a recovery step.
     assert not (tmp_path / "onlooker/reminders").exists()
+    assert not (tmp_path / "onlooker/recovery").exists()
 
     # an agent that is scored on one picture cannot know what happened
     cases = select_cases(open_feed(tmp_path / "set", "steps"), "steps", Selection())
     assert (cases.labels, cases.unchanged) == (("clean",), 3)
+
+
+@pytest.mark.parametrize(
+    ("code", "is_other"),
+    [
+        ("dragTo(9, 9)", True),  # the pointer has moved to its end, so it would drag nothing
+        ("moveTo(1, 1)\npyautogui.dragTo(9, 9)", False),
+        ("click()\npyautogui.moveTo(9, 9)", True),
+        ("moveTo(9, 9)\npyautogui.click()", False),
+        ("mouseDown()\npyautogui.moveTo((9, 9))\npyautogui.mouseUp()", True),
+        ("mouseDown((1, 1))\npyautogui.moveTo(9, 9)\npyautogui.mouseUp()", False),
+        ("scroll(-3)\npyautogui.click(9, 9)", True),
+        ("moveRel(1, 1)", True),
+        ("click()", False),
+        ("press('a')\npyautogui.click(9, 9)", False),
+    ],
+)
+def test_an_action_that_begins_at_the_pointer_and_moves_it_cannot_be_done_again(
+    code: str, is_other: bool
+) -> None:
+    calls = read_calls(ParsedSource(f"pyautogui.{code}"), LIVE_FUNCTIONS)
+    assert moves_from_pointer(calls) is is_other
+
+
+@pytest.mark.parametrize(
+    ("code", "several"),
+    [
+        ("Action: click(start_box='(1,2)')\n\ntype(content='a')", True),
+        ("Action: click(start_box='(1,2)')\n\nwait()", False),
+        ("Action: click(start_box='(1,2)')", False),
+        ('[{"type": "click", "x": 1, "y": 2}, {"type": "type", "text": "a"}]', True),
+        ('[{"type": "click", "x": 1, "y": 2}, {"type": "wait"}]', False),
+        ('[{"action_type": "PlanAction"}, {"action_type": "PlanAction"}]', False),
+        ('{"type": "click", "x": 1, "y": 2}', False),
+        ("pyautogui.click(1, 2)\npyautogui.write('a')", False),  # the action is all of it
+        ("Click [5] and type 'a'", False),
+        ("", False),
+    ],
+)
+def test_a_reply_with_several_actions_is_known(code: str, several: bool) -> None:
+    assert holds_several(code, Action("click", 1, 2)) is several
 
 
 def test_verify_finds_another_label_of_a_lost_action(recording, tmp_path):
@@ -135,7 +184,7 @@ def test_actions_that_cannot_be_done_again_and_mixed_labels_are_refused(recordin
     report = build(source, tmp_path / "set", corruptions=planners)
     reasons = {label: " ".join(counts) for label, counts in report.not_applicable.items()}
     assert report.rows == {"clean": 2, "at_0": 0, "at_1": 0, "at_7": 0}
-    assert "moves the pointer by a distance" in reasons["at_0"]
+    assert "begins where the pointer is" in reasons["at_0"]
     assert "presses anything" in reasons["at_1"]
     assert "ends before the step" in reasons["at_7"]
     mixed = hj.Sequence([hj.make_corruption("missed_input"), hj.Marks()])
@@ -145,7 +194,7 @@ def test_actions_that_cannot_be_done_again_and_mixed_labels_are_refused(recordin
 
 def test_lost_actions_of_real_recordings(shared_data, tmp_path):
     source = shared_data / "trajectories/screenagent"
-    report = build(source, tmp_path / "set", corruptions="missed_input", output="lazy", limit=4)
+    report = build(source, tmp_path / "set", corruptions="missed_input", output="lazy", limit=8)
     rows = rows_of(tmp_path / "set", "missed_input")
     clean = {(row["trajectory_id"], row["step"]): row for row in rows_of(tmp_path / "set", "clean")}
     again = [row for row in rows if row["inserted"]]

@@ -13,11 +13,11 @@ from hijack_data.apps import collect_apps
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError, ParameterTypeError
 from hijack_data.platforms import as_platform, find_platform
-from hijack_data.types import Trajectory
+from hijack_data.types import Action, Step, Trajectory
 from pipelines import build, inspect_source, open_dataset, verify
 from pipelines.building.output_folder import parameters_in
 from pipelines.errors import BuildError, SourceError
-from pipelines.knowledge import SIDECAR, read_knowledge
+from pipelines.knowledge import SIDECAR, Knowledge, KnowledgeEntry, read_knowledge
 from pipelines.readers import get_reader
 
 from support.events import FIVE, with_apps
@@ -457,3 +457,13 @@ def test_only_pixels_drawn_over_it_make_a_recorded_screen_composited(
         "with_resolution": "composited",
         "alone": "recorded",
     }
+
+
+def test_brackets_in_a_match_are_those_of_the_id() -> None:
+    entry = KnowledgeEntry("session [1]*", ("gimp",), None, "recordings[0]")
+    steps = (Step(0, "0.png", Action("wait")),)
+    trajectories = [
+        Trajectory(name, "jsonl", "do it", steps) for name in ("session 1", "session [1]b")
+    ]
+    completed = Knowledge(entries=(entry,)).complete(trajectories)
+    assert [item.apps for item in completed if isinstance(item, Trajectory)] == [(), ("gimp",)]

@@ -245,6 +245,16 @@ def test_the_dialect_of_a_row_is_told_by_what_it_says(
     )
 
 
+def test_text_that_means_the_action_in_two_spaces_is_an_error_where_it_would_change() -> None:
+    """On such a picture, thousandths and pixels of the smart-resized one are nearly the same."""
+    square, half = (1000, 1000), (500, 500)
+    code = "click(start_box='(37,0)')"
+    with pytest.raises(LabelError, match="nothing says in which dialect"):
+        map_action_code(code, Action("click", 37, 0), Move(square, half))
+    corner = "click(start_box='(0,0)')"
+    assert map_action_code(corner, Action("click", 0, 0), Move(square, half)) == corner
+
+
 def test_a_dialect_that_cannot_be_told_is_an_error() -> None:
     for code in (
         "click(961, 541)",

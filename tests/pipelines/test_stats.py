@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import hijack_data as hj
 from hijack_data.cli import hijack
 from pipelines import build, open_dataset
-from pipelines.dataset.stats import BINS, LabelStats, stats
+from pipelines.dataset.stats import BINS, LabelStats, percent_text, stats
 from pipelines.dataset.stats_page import page
 from pipelines.errors import DatasetError
 
@@ -179,3 +179,18 @@ def test_the_page_shows_what_is_hidden_and_what_has_no_target(dataset: Path) -> 
     assert re.search(r"<li>\d{1,3},\d{3} pixels changed", text)
     assert "None" not in re.sub(r"data:[^\"]*", "", text)
     assert "(s)" not in text
+
+
+@pytest.mark.parametrize(
+    ("share", "text"),
+    [
+        (0.0, "0 %"),
+        (0.003, "under 1 %"),
+        (0.4996, "49 %"),
+        (0.29, "29 %"),
+        (0.998, "99 %"),
+        (1.0, "100 %"),
+    ],
+)
+def test_a_part_of_a_target_is_neither_none_nor_all_of_it(share: float, text: str) -> None:
+    assert percent_text(share) == text

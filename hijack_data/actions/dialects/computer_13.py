@@ -67,7 +67,7 @@ def map_computer_13(action: object, scaling: Scaling) -> Any:
 def parse_computer_13(action: object, scaling: Scaling) -> Action:
     """Read the action.
 
-    `SCROLL` counts `dy`, and is `"other"` when it only scrolls sideways.
+    `SCROLL` counts `dy`, and is `"other"` when it scrolls sideways.
 
     Raises:
         ActionError: the action cannot be read.
@@ -92,7 +92,7 @@ def parse_computer_13(action: object, scaling: Scaling) -> Action:
         case "SCROLL":
             dx = number(parameters.get("dx", 0), "SCROLL dx")
             dy = number(parameters.get("dy", 0), "SCROLL dy")
-            if dx and not dy:
+            if dx:  # an `Action` scrolls up or down only
                 return action_at("other", point)
             return action_at("scroll", point, amount=dy)
         case "TYPING":

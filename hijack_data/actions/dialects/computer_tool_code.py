@@ -18,6 +18,7 @@ from .computer_13 import parse_computer_13
 from .computer_tools import (
     anthropic_action,
     drag_points,
+    key_presses,
     openai_actions,
     parse_anthropic_action,
     parse_openai_action,
@@ -67,8 +68,8 @@ def anthropic_code(action: object, scaling: Scaling) -> list[str]:
         ActionError: the action cannot be read, or is `scroll_to`.
     """
     action, _ = anthropic_action(action)
-    parsed = parse_anthropic_action(action, scaling)
     fields = as_fields(action, "anthropic")
+    parsed = parse_anthropic_action({**fields, "repeat": None}, scaling)
     match fields["action"]:
         case "screenshot" | "zoom" | "cursor_position":
             return [_WAIT]
@@ -80,11 +81,12 @@ def anthropic_code(action: object, scaling: Scaling) -> list[str]:
         case "scroll":
             return [_anthropic_scroll(fields, parsed)]
         case "key":
-            return [_repeated(write_pyautogui(replace(parsed, amount=None)), fields)]
+            presses = [Action("hotkey", keys=keys) for keys in key_presses(fields)]
+            return [_repeated("\n".join(map(write_pyautogui, presses)), fields)]
         case "hold_key":
             return [_held_for(parsed)]
         case "type":
-            return [_typed(parsed, fields, scaling)]
+            return [_typed(fields, scaling)]
         case "left_click_drag":
             return [write_pyautogui(replace(parsed, keys=_held_keys(fields)))]
         case _:
@@ -106,9 +108,11 @@ def computer_13_code(action: object, scaling: Scaling) -> list[str]:
         return [write_pyautogui(parsed)]
     notches = number(parameters["dx"], "SCROLL dx")
     sideways = hscroll_code(notches, parsed.point)
-    if parsed.type == "other":
+    down = number(parameters.get("dy", 0), "SCROLL dy")
+    if not down:
         return [sideways]
-    return [f"{write_pyautogui(parsed)}\n{sideways}"]
+    upright = replace(parsed, type="scroll", amount=down)
+    return [f"{write_pyautogui(upright)}\n{sideways}"]
 
 
 def _openai_scroll(fields: dict[str, Any], parsed: Action) -> str:
@@ -173,10 +177,10 @@ def _held_for(action: Action) -> str:
     return _with_keys(action.keys, [f"pyautogui.sleep({seconds:g})"])
 
 
-def _typed(action: Action, fields: dict[str, Any], scaling: Scaling) -> str:
+def _typed(fields: dict[str, Any], scaling: Scaling) -> str:
     """Return code that types a text, clicking a place first and pressing Enter last if asked to."""
-    text = f"{action.text}\n" if fields.get("press_enter") is True else action.text
-    line = write_pyautogui(replace(action, text=text))
+    typed = parse_anthropic_action({**fields, "coordinate": None}, scaling)
+    line = write_pyautogui(typed)
     if fields.get("coordinate") is None:
         return line
     click = {"action": "left_click", "coordinate": fields["coordinate"]}

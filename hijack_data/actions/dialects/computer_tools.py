@@ -61,6 +61,7 @@ ANTHROPIC_NAMES = (
 
 # OpenAI scrolls in pixels, and down is positive.
 CALL = "computer_call"
+_MODIFIERS = ("ctrl", "ctrlright", "shift", "shiftright", "alt", "altright", "win", "winright")
 _CALL_FIELDS = ("type", "action", "actions", "id", "call_id", "status", "pending_safety_checks")
 TOOL_USE = "tool_use"
 _BLOCK_FIELDS = ("type", "id", "name", "input", "toolset_name", "caller", "cache_control")
@@ -172,13 +173,13 @@ def parse_openai_action(action: object, scaling: Scaling) -> Action:
             an unknown field may hold coordinates.
     """
     fields, name = _openai(action)
-    keys = key_combination(fields["keys"], f"{name} keys") if fields.get("keys") else None
+    keys = key_combination(fields["keys"], f"{name} keys", "+") if fields.get("keys") else None
     match name:
         case "drag":
             path = [scaling.point(*p) for p in drag_points(fields)]
             return Action("drag", *path[0], *path[-1], keys=keys)
         case "keypress":
-            return Action("hotkey", keys=key_combination(fields.get("keys"), "keypress keys"))
+            return Action("hotkey", keys=key_combination(fields.get("keys"), "keypress keys", "+"))
         case "type":
             return Action("type", text=text(fields.get("text"), "type text"))
         case "screenshot":
@@ -189,11 +190,9 @@ def parse_openai_action(action: object, scaling: Scaling) -> Action:
             point = scaling.point(*_xy(fields, name))
     if name == "scroll":
         across, down = (number(fields.get(f, 0), f"scroll {f}") for f in ("scroll_x", "scroll_y"))
-        return (
-            action_at("scroll", point, amount=-down / PIXELS_PER_NOTCH, keys=keys)
-            if down or not across
-            else action_at("other", point)
-        )
+        if across:  # an `Action` scrolls up or down only
+            return action_at("other", point, keys=keys)
+        return action_at("scroll", point, amount=-down / PIXELS_PER_NOTCH, keys=keys)
     types = {"click": click_type(fields.get("button", "left"), 1), "move": "move"}
     return action_at(types.get(name, name), point, keys=keys)
 
@@ -259,8 +258,8 @@ def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
     """Read one Anthropic computer action.
 
     The `text` of a click names the keys held; `hold_key` becomes a hotkey whose `amount` is in
-    seconds; sideways scrolling, `screenshot`, `zoom` and `cursor_position` become `"other"`. A
-    click without a `coordinate` is at the pointer.
+    seconds; sideways scrolling, `screenshot`, `zoom` and `cursor_position` become `"other"`, and so
+    do several presses or clicks in one action. A click without a `coordinate` is at the pointer.
 
     Raises:
         ActionError: the name of the action is unknown, a coordinate is missing or not a number, or
@@ -268,6 +267,8 @@ def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
     """
     fields, name = _anthropic(action)
     point = _coordinate(fields, name, "coordinate", scaling)
+    if fields.get("repeat") not in (None, 1) and name in (*_ANTHROPIC_CLICKS, "key"):
+        return action_at("other", point)
     if name in _ANTHROPIC_CLICKS:
         keys = key_combination(fields["text"], f"{name} text", "+") if fields.get("text") else None
         return action_at(_ANTHROPIC_CLICKS[name], point, keys=keys)
@@ -282,7 +283,12 @@ def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
         case "scroll":
             return _anthropic_scroll(fields, point)
         case "type":
-            return Action("type", text=text(fields.get("text"), "type text"))
+            typed = text(fields.get("text"), "type text")
+            if point is not None:  # it is clicked first
+                return action_at("other", point, text=typed)
+            return Action("type", text=f"{typed}\n" if fields.get("press_enter") is True else typed)
+        case "key" if len(key_presses(fields)) > 1:
+            return Action("other")
         case "key" | "hold_key":
             seconds = (
                 number(fields.get("duration", 0), "hold_key duration")
@@ -303,6 +309,23 @@ def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
             )
         case _:
             return Action("other")
+
+
+def key_presses(fields: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Return the keys that a `key` action presses, one combination after the other.
+
+    As for xdotool, spaces separate presses, `Down Down Down`; but `ctrl c` is one combination.
+
+    Raises:
+        ActionError: the action names no keys.
+    """
+    label = "key text"
+    keys = key_combination(fields.get("text"), label, "+")
+    words = str(fields["text"]).split()
+    is_combination = "+" in words or (keys[0] in _MODIFIERS and "+" not in words[0])
+    if len(words) < 2 or is_combination:
+        return [keys]
+    return [key_combination(word, label, "+") for word in words]
 
 
 def _anthropic_scroll(fields: dict[str, Any], point: tuple[int, int] | None) -> Action:

@@ -7,29 +7,78 @@ from typing import Any, NoReturn, cast
 
 from ...errors import ActionError, ParameterTypeError, short_repr, suggest
 from ...types import Action
+from ..pyautogui_functions import KEY_NAMES
 
+# pyautogui's names of keys by those of others, in lower case: of X, which xdotool and Anthropic
+# use, and of browsers.
 _KEYS = {
     "return": "enter",
+    "kp_enter": "enter",
     "escape": "esc",
     "back_space": "backspace",
     "del": "delete",
+    "spacebar": "space",
     "caps_lock": "capslock",
+    "num_lock": "numlock",
+    "scroll_lock": "scrolllock",
+    "print_screen": "printscreen",
+    "menu": "apps",
+    "contextmenu": "apps",
     "control": "ctrl",
     "control_l": "ctrl",
+    "control_r": "ctrlright",
     "shift_l": "shift",
+    "shift_r": "shiftright",
     "alt_l": "alt",
+    "alt_r": "altright",
     "option": "alt",
     "super": "win",
     "super_l": "win",
+    "super_r": "winright",
+    "windows": "win",
     "meta": "win",
     "cmd": "win",
     "command": "win",
     "page_up": "pageup",
+    "prior": "pageup",
     "page_down": "pagedown",
-    "arrowup": "up",
-    "arrowdown": "down",
-    "arrowleft": "left",
-    "arrowright": "right",
+    "next": "pagedown",
+    **{f"arrow{way}": way for way in ("up", "down", "left", "right")},
+    **{f"arrow_{way}": way for way in ("up", "down", "left", "right")},
+    **{f"kp_{digit}": f"num{digit}" for digit in range(10)},
+    **{f"kp_{name}": name for name in ("add", "subtract", "multiply", "divide", "decimal")},
+    "exclam": "!",
+    "quotedbl": '"',
+    "numbersign": "#",
+    "dollar": "$",
+    "percent": "%",
+    "ampersand": "&",
+    "apostrophe": "'",
+    "parenleft": "(",
+    "parenright": ")",
+    "asterisk": "*",
+    "plus": "+",
+    "comma": ",",
+    "minus": "-",
+    "period": ".",
+    "slash": "/",
+    "colon": ":",
+    "semicolon": ";",
+    "less": "<",
+    "equal": "=",
+    "greater": ">",
+    "question": "?",
+    "at": "@",
+    "bracketleft": "[",
+    "backslash": "\\",
+    "bracketright": "]",
+    "asciicircum": "^",
+    "underscore": "_",
+    "grave": "`",
+    "braceleft": "{",
+    "bar": "|",
+    "braceright": "}",
+    "asciitilde": "~",
 }
 _OTHER_BUTTONS = {
     "right": "right_click",
@@ -119,24 +168,45 @@ def text(value: object, label: str) -> str:
 def key_names(value: object, label: str, separators: str = "") -> tuple[str, ...]:
     """Return keys under pyautogui's names in lower case, from a list or a separated string.
 
+    A separator that stands last and follows another one or a space is a key: `ctrl++`.
+
     Raises:
-        ActionError: a key is not a string, or there is none.
+        ActionError: a key is not a string or pyautogui does not know it, or there is none.
     """
     if isinstance(value, str):
-        for separator in separators:
-            if len(value) > 1:
-                value = value.replace(separator, " ")
-        parts: list[Any] = [value]
-        if separators and value.strip():
-            parts = value.split()
+        parts = _separated(value, separators) if value.strip() else [value]
     elif isinstance(value, list | tuple):
-        parts = list(cast("list[Any]", value))
+        texts = [text(part, label) for part in cast("list[Any]", value)]
+        parts = [
+            name
+            for part in texts
+            for name in (_separated(part, separators) if part.strip() else [part])
+        ]
     else:
         raise ActionError(f"{label} must name keys, got {short_repr(value)}")
-    keys = [text(part, label) for part in parts]
-    if not keys or "" in keys:
+    if not parts or "" in parts:
         raise ActionError(f"{label} names no key; give keys such as ['ctrl', 'c']")
-    return tuple(_key_name(key) for key in keys)
+    keys = tuple(key_name(key) for key in parts)
+    for key, part in zip(keys, parts, strict=True):
+        if len(key) > 1 and key not in KEY_NAMES:
+            raise ActionError(
+                f"{label}: {short_repr(part)} is not the name of a key in pyautogui"
+                f"{suggest(key, KEY_NAMES)}; give keys such as ['ctrl', 'c']"
+            )
+    return keys
+
+
+def _separated(keys: str, separators: str) -> list[str]:
+    """Return the keys that a text names, or the text if nothing separates them."""
+    if not separators or len(keys) == 1:
+        return [keys]
+    before, last = keys.rstrip()[:-1], keys.rstrip()[-1]
+    is_key = last in separators and before[-1:] in (*separators, " ")
+    if is_key:
+        keys = before
+    for separator in separators:
+        keys = keys.replace(separator, " ")
+    return [*keys.split(), *([last] if is_key else [])]
 
 
 def key_combination(value: object, label: str, separators: str = "") -> tuple[str, ...]:
@@ -150,7 +220,8 @@ def key_combination(value: object, label: str, separators: str = "") -> tuple[st
     return tuple(key.lower() for key in keys)
 
 
-def _key_name(key: str) -> str:
+def key_name(key: str) -> str:
+    """Return pyautogui's name of a key, or the given one in lower case if it has none."""
     lower = key.lower()
     if lower in _KEYS:
         return _KEYS[lower]

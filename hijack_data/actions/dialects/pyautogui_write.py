@@ -110,6 +110,10 @@ def _keys(action: Action) -> tuple[str, ...]:
 
 def _hotkey(action: Action) -> str:
     keys = _keys(action)
+    if action.amount and action.amount > 0:  # seconds for which they are held
+        down = [f"pyautogui.keyDown({key!r})" for key in keys]
+        up = [f"pyautogui.keyUp({key!r})" for key in reversed(keys)]
+        return "\n".join([*down, f"pyautogui.sleep({action.amount:g})", *up])
     function = "press" if len(keys) == 1 else "hotkey"
     return f"pyautogui.{function}({', '.join(map(repr, keys))})"
 

@@ -8,7 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from hijack_data.actions.recorded_actions import holds_several
 from hijack_data.errors import ActionError, ParameterError
+from hijack_data.labels.action_formats import own_action
 
 from ...building.build_options import Progress
 from ...dataset.manifest import is_lazy
@@ -19,7 +21,7 @@ from ...prompts import PROMPTS
 from ..dialects import action_text
 from ..example import Example, Row, check_task, checked_answer, is_hidden
 from ..output_folder import new_folder, write_report
-from ..stored_rows import recorded_faults, stored_rows
+from ..stored_rows import recorded_faults, row_faults, stored_rows
 from .messages import NONE, chat, reminder_messages, summarise, summary_messages
 from .report import OnlookerReport
 from .sampling import COLUMNS_READ, WITH_REMINDER, OnlookerSampler
@@ -125,7 +127,8 @@ class _Tables:
 
     def _recovery(self, frame: RowFrame) -> None:
         row = frame.row
-        if not row["inserted"] or self._lacks_task("recovery", row):
+        # One picture cannot show that an action got lost, so it is no recovery step.
+        if not row["inserted"] or row_faults(row) or self._lacks_task("recovery", row):
             return
         if is_hidden(row) and not self.keep_hidden:
             self.report.hidden[row["corruption"]] += 1
@@ -185,12 +188,14 @@ class _Tables:
         self._add("summaries", about(frame.row) | example)
 
     def _action(self, row: Row) -> str:
-        """Return the action as text of the dialect, or as recorded.
+        """Return the action as text of the dialect, or as recorded; several only as recorded.
 
         Raises:
             ActionError: the dialect cannot express the action, and no code was recorded.
             ParameterError: a value of the action is out of its range, and no code was recorded.
         """
+        if holds_several(row["action_code"], own_action(row["action"])):
+            return str(row["action_code"])
         try:
             return action_text(row, self.report.dialect)
         except (ActionError, ParameterError):

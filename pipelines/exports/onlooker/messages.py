@@ -7,6 +7,9 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
+from hijack_data.actions.recorded_actions import holds_several
+from hijack_data.labels.action_formats import own_action
+
 from ..example import IMAGE, escape_tokens
 from .screen_change import ScreenChange
 
@@ -54,7 +57,10 @@ def summarise(row: _Fields, event: str | None, change: ScreenChange | None) -> s
 
     After an event it is unknown which changes the agent caused, so only the event is named.
     """
-    parts = [f"The agent {describe_action(row['action'], row['action_code'])}."]
+    action, code = row["action"], row["action_code"]
+    if holds_several(code, own_action(action)):
+        action = {**action, "type": "other"}  # the screen after shows what all of them did
+    parts = [f"The agent {describe_action(action, code)}."]
     if event is not None:
         parts.append(f"{NOT_THE_AGENT} {event}")
     elif change is not None:

@@ -17,7 +17,7 @@ from hijack_data.rng import Stream
 from ..example import Row
 
 # The columns that a choice depends on.
-COLUMNS_READ = ["trajectory_id", "step", "corruption", "event", "reminder"]
+COLUMNS_READ = ["trajectory_id", "step", "corruption", "event", "reminder", "changed_pixels"]
 WITH_REMINDER = "reminder"
 # The kinds of frames without a reminder: the clean screen of the step of the event, another clean
 # screen, a screen with something drawn over it, and one with an event that an agent can undo by
@@ -89,7 +89,9 @@ def _pools(rows: Sequence[NumberedRow], steps: set[int]) -> dict[str, list[int]]
     """Return the numbers of the rows without a reminder, by kind."""
     pools: dict[str, list[int]] = {kind: [] for kind in KINDS}
     for number, row in rows:
-        if row["reminder"] is None:
+        # Rows of input faults have the picture of a clean row, and nothing on it is theirs.
+        has_own_picture = row["corruption"] == CLEAN or row["changed_pixels"]
+        if row["reminder"] is None and has_own_picture:
             pools[_kind(row, steps)].append(number)
     return pools
 

@@ -1,10 +1,13 @@
 """One episode for the page: its steps with pictures, words and actions, and any damage."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias, cast
 
+from hijack_data.coords import CoordMap
+from hijack_data.errors import HijackError
 from hijack_data.runs.run_log import EPISODE, EPISODES, LINKS, RECORDS, STEPS
 from hijack_data.types import Size, UInt8Array
 
@@ -201,7 +204,7 @@ def _step(
         "still": line.get("still") is not False,
         "effects": [k for k, effect in enumerate(effects) if effect["step"] == index],
         "plan": "" if line.get("plan") is None else _cut(display_text(line["plan"])),
-        "boxes": _boxes(line.get("boxes")),
+        "boxes": [],
         "fields": record_fields(line, *NOT_SHOWN),
         "action": "",
         "strokes": [],
@@ -212,6 +215,8 @@ def _step(
     try:
         size = image_size(picture_file(episode.home, line, False))
         step["size"] = [size[1], size[0]]
+        screen = image_size(picture_file(episode.home, line, True))
+        step["boxes"] = _boxes(line.get("boxes"), CoordMap(observation=size, screen=screen))
     except FieldError as error:
         step["lost"] = episode.broken.get(index) or str(error)
     if code:
@@ -257,12 +262,14 @@ def _probe(probe: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _boxes(value: object) -> list[list[float]]:
-    boxes: list[list[float]] = []
+def _boxes(value: object, coords: CoordMap) -> list[list[int]]:
+    """Return elements, logged in pixels of the screen, in those of the agent's picture."""
+    boxes: list[list[int]] = []
     for box in listed(value)[:MAX_BOXES]:
         sides = [side for side in map(number, listed(box)) if side is not None]
         if len(sides) == 4:
-            boxes.append(sides)
+            with suppress(HijackError):  # damage: corners in the wrong order
+                boxes += coords.boxes_to_observation([sides]).tolist()
     return boxes
 
 

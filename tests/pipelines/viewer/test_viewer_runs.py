@@ -221,6 +221,19 @@ def test_a_run_without_an_episode_is_an_empty_page(tmp_path: Path) -> None:
     assert (source.problems, source.facts) == ([], "0 episodes, 2 of 2 planned not played")
 
 
+def test_elements_are_outlined_where_a_resized_picture_shows_them(harmed: Path) -> None:
+    home = harmed / "episodes" / MARKS
+    rows = [json.loads(line) for line in (home / "steps.jsonl").read_text().splitlines()]
+    with Image.open(home / rows[0]["seen"]) as picture:
+        width, height = picture.size
+        half = picture.resize((width // 2, height // 2))
+    half.save(home / rows[0]["seen"])
+    rows[0]["boxes"] = [[20, 10, 40, 30]]
+    lines_of(home / "steps.jsonl", rows)
+    step, *_ = run_of(harmed).episode(number_of(run_of(harmed), MARKS))["steps"]
+    assert (step["size"], step["boxes"]) == ([width // 2, height // 2], [[10, 5, 20, 15]])
+
+
 def test_numbers_that_json_has_not_do_no_harm(harmed: Path) -> None:
     home = harmed / "episodes" / MARKS
     rows = [json.loads(line) for line in (home / "steps.jsonl").read_text().splitlines()]
