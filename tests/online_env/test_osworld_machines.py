@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -104,8 +105,12 @@ def test_a_provider_reverts_between_episodes_and_ends_its_machine(
             stage.reset(tasks.TASKS.get(tasks.TASKS.find(str(broken)))(0), 0)
             with pytest.raises(DesktopError, match="evaluate raised"):
                 stage.evaluate(["DONE"])
+            stage.reset(task, 0)
+            urllib.request.urlopen(f"http://{guest.address}/revert", b"").close()  # another run's
+            with pytest.raises(DesktopError, match="or used by another run, during the episode"):
+                stage.evaluate(["FAIL"])
         assert events(path)[-1] == "stop"
-        assert events(path).count("revert") == 4
+        assert events(path).count("revert") == 5
 
 
 def test_a_machine_that_does_not_start_is_named(osworld, script, tmp_path, monkeypatch) -> None:
@@ -206,6 +211,14 @@ def test_a_run_without_a_machine_left_says_why(osworld, tmp_path) -> None:
         (["--vm", "http://127.0.0.1:9?web=1"], "an address is like http://10.0.0.5:5000"),
         (["--vm", "dokcer"], "no such provider; did you mean 'docker'"),
         (["--vm", "vmware", "--vm", "vmware"], "names a machine twice"),
+        (
+            ["--vm", "http://127.0.0.1:9", "--vm", "http://localhost:9/"],
+            "both are reached by port 9 of",
+        ),
+        (
+            ["--vm", "http://127.0.0.1:9", "--vm", "http://127.0.0.1:10?chromium=9223"],
+            "both are reached by port 8080 of",
+        ),
         (["--vm", "vmware", "--reset-command", "x"], "providers revert themselves"),
         (["--vm", "vmware", "--vm-option", "snapshot=x"], "did you mean 'snapshot_name'"),
         (

@@ -66,7 +66,7 @@ class DockerVMManager:
 class FakeGuest:
     """A guest of OSWorld's without a screen; what it would write to /var/tmp goes to a folder."""
 
-    def __init__(self, folder: Path, dies_at: int | None = None) -> None:
+    def __init__(self, folder: Path, dies_at: int | None = None, host: str = "127.0.0.1") -> None:
         guest = self
         folder.mkdir()
         self.screenshots = 0
@@ -120,8 +120,8 @@ class FakeGuest:
             def log_message(self, *_: Any) -> None:
                 """Write nothing."""
 
-        self._server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Routes)
-        self.address = f"127.0.0.1:{self._server.server_port}"
+        self._server = http.server.ThreadingHTTPServer((host, 0), Routes)
+        self.address = f"{host}:{self._server.server_port}"
         threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True).start()
 
     def die(self) -> None:
@@ -136,8 +136,10 @@ class FakeGuest:
 
 @contextmanager
 def fake_guests(folder: Path, *dies_at: int | None) -> Iterator[list[FakeGuest]]:
-    """Guests, one for each number of the screenshot at which it dies."""
-    guests = [FakeGuest(folder / f"guest{n}", at) for n, at in enumerate(dies_at)]
+    """Guests with hosts of their own, one for each number of the screenshot at which it dies."""
+    guests = [
+        FakeGuest(folder / f"guest{n}", at, f"127.0.0.{n + 1}") for n, at in enumerate(dies_at)
+    ]
     try:
         yield guests
     finally:
