@@ -221,7 +221,6 @@ def _check_keys(kwargs: Mapping[str, Any]) -> None:
 
     That class would ignore it. verl itself gives its arguments, and objects; a file's are plain.
 
-
     Raises:
         ParameterError: there is such a key.
     """
