@@ -15,7 +15,7 @@ from click.testing import CliRunner
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError
 from online_env import tasks
-from online_env.errors import DesktopError, MissingPackageError
+from online_env.errors import DesktopError, GuestError, MissingPackageError
 from online_env.osworld import machines
 from online_env.osworld.bridge import worker
 from online_env.osworld.file_tasks import MachineTasks
@@ -127,6 +127,19 @@ def test_a_machine_that_does_not_start_is_named(osworld, script, tmp_path, monke
     ):
         pass
     assert events(path)[-1] == "stop"
+
+
+def test_code_whose_answer_is_lost_is_not_run_again(osworld, tmp_path) -> None:
+    """OSWorld's own client would send it three times, and a text would be typed three times."""
+    with fake_guests(tmp_path, None) as (guest,):
+        settings = MachineSettings(vm=(f"http://{guest.address}",))
+        with machines.machine((SIZE[1], SIZE[0]), settings, osworld) as desktop:
+            guest.loses_answers = True
+            with pytest.raises(GuestError, match="no answer"):
+                desktop.run("open('/var/tmp/typed', 'a').write('x')")
+            guest.loses_answers = False
+            assert desktop.run("print(1)").output == "1\n"
+    assert (tmp_path / "guest0" / "typed").read_text() == "x"
 
 
 def test_another_screen_than_the_benchmarks_is_refused(

@@ -69,6 +69,7 @@ class FakeGuest:
     def __init__(self, folder: Path, dies_at: int | None = None, host: str = "127.0.0.1") -> None:
         guest = self
         folder.mkdir()
+        self.loses_answers = False  # of the code that it runs
         self.screenshots = 0
         picture = io.BytesIO()
         Image.new("RGB", SIZE, "navy").save(picture, "PNG")
@@ -100,6 +101,8 @@ class FakeGuest:
                     process = subprocess.run(
                         [sys.executable, "-c", code], capture_output=True, text=True, check=False
                     )
+                    if guest.loses_answers:
+                        return  # without an answer, the connection is closed
                     answer = {
                         "status": "success",
                         "output": process.stdout,
