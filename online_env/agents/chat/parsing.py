@@ -162,7 +162,7 @@ class ReplyParser:
         """
         if self.coordinates == "resized":
             source = self._resized_size(size)
-            code = map_code(code, Scaling(source, size))
+            code = map_code(code, Scaling(source, size, recorded=True))
         elif self.coordinates == "thousandths":
             code = map_code(code, Scaling.fractions(size, 1000))
         elif self.coordinates == "fractions":
