@@ -142,6 +142,25 @@ def test_code_whose_answer_is_lost_is_not_run_again(osworld, tmp_path) -> None:
     assert (tmp_path / "guest0" / "typed").read_text() == "x"
 
 
+def test_a_file_that_the_guest_does_not_send_is_no_file_that_is_not_there(
+    osworld, tmp_path
+) -> None:
+    evaluator = {
+        "func": "exact_match",
+        "result": {"type": "vm_file", "path": "/home/user/x", "dest": "x"},
+        "expected": {"type": "rule", "rules": {"expected": "x"}},
+    }
+    task = json.loads(task_file(tmp_path, "t-file", evaluator=evaluator).read_text())
+    with fake_guests(tmp_path, None) as (guest,):
+        settings = MachineSettings(vm=(f"http://{guest.address}",))
+        with machines.machine((SIZE[1], SIZE[0]), settings, osworld) as desktop:
+            desktop.env.reset(task)
+            assert desktop.evaluate() == 0  # the guest says that there is none
+            guest.loses_answers = True
+            with pytest.raises(DesktopError, match="POST /file.*a score of 0.0 may rest on that"):
+                desktop.evaluate()
+
+
 def test_another_screen_than_the_benchmarks_is_refused(
     osworld, script, tmp_path, monkeypatch
 ) -> None:

@@ -15,6 +15,7 @@ from .channel import Channel, Message
 from .execution import execute_once
 from .outcome import OutcomeHandler
 from .provider import Manager, Provider, send_tokens
+from .unanswered import UnansweredRequests
 
 PROVIDERS = "desktop_env.providers"
 CALLS = ("start", "check", "check_provider", "reset", "step", "evaluate", "controller")
@@ -135,8 +136,11 @@ class Worker:
         return [_portable(observation), reward, done, info]
 
     def evaluate(self) -> float:
-        """OSWorld's evaluate: the score."""
-        return float(self.env.evaluate())
+        """OSWorld's evaluate: the score; an error if the guest left a request without an answer."""
+        with UnansweredRequests(self.env.controller.http_server) as requests:
+            score = float(self.env.evaluate())
+        requests.check(score)
+        return score
 
     def controller(self, method: str, arguments: list[Any]) -> Any:
         """One of the calls in `CONTROLLER`; bytes come back in base64.
