@@ -157,7 +157,7 @@ def test_a_file_that_the_guest_does_not_send_is_no_file_that_is_not_there(
             desktop.env.reset(task)
             assert desktop.evaluate() == 0  # the guest says that there is none
             guest.loses_answers = True
-            with pytest.raises(DesktopError, match="POST /file.*a score of 0.0 may rest on that"):
+            with pytest.raises(DesktopError, match=r"POST /file.*a score of 0.0 may rest on that"):
                 desktop.evaluate()
 
 
