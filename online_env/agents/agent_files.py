@@ -342,6 +342,16 @@ class _AgentReader:
             self._problems.add(
                 tree.items["prompt"].position, f"no prompt {prompt!r}{suggest(prompt, names)}"
             )
+        elif prompt is not None and folder is not None:
+            self._check_texts(tree.items["prompt"].position, prompt, values["prompts"])
+
+    def _check_texts(self, position: Position, prompt: str, folder: str) -> None:
+        """Check the file of a prompt in a folder of the user."""
+        try:
+            prompts.read_prompt(prompt, (folder,))
+        except ConfigError as error:
+            for problem in error.problems:
+                self._problems.add(position, problem)
 
     def _onlooker(
         self, tree: MappingNode, actor: ModelSettings, values: Mapping[str, Any]

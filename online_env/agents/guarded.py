@@ -243,7 +243,8 @@ def joint_usage(
     if "requests" in guard_usage:
         before = total if "requests" in total else {}
         for key in _SUMS:
-            values = [part.get(key, 0) for part in (before, guard_usage) if part]
+            unsaid = None if key == "usd" else 0
+            values = [part.get(key, unsaid) for part in (before, guard_usage) if part]
             total[key] = None if None in values else round(sum(values), 9)
     return {**total, "guard": dict(guard_usage)}
 

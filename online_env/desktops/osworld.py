@@ -187,7 +187,7 @@ class OsworldDesktop:
         """
         answer: Any = self.env.controller.execute_python_command(code)
         if not isinstance(answer, dict):
-            raise GuestError("the guest did not run the code (no answer)")
+            raise GuestError("the guest gave no answer to the code; it may have run it")
         fields = cast("dict[str, Any]", answer)
         return RunResult(
             str(fields.get("status", "error")),

@@ -21,6 +21,7 @@ from .sessions import Session, in_thread
 
 SUBMIT = "submit"
 _FAIL = re.compile(rf"{FAIL}(?![\w-])", re.IGNORECASE)
+_SIGNS = " \t\r\n*_`#>\"'"
 CORRUPTION = "corruption"  # the metadata by which scores are grouped
 
 
@@ -58,8 +59,11 @@ def _end(session: Session, completion: str, cut_off: bool) -> None:
 
 
 def gives_up(answer: str) -> bool:
-    """Return whether an answer begins with the word `FAIL`, in any case, and not with "Failing"."""
-    return _FAIL.match(answer.strip()) is not None
+    """Return whether an answer begins with the word `FAIL`, in any case, and not with "Failing".
+
+    Signs of Markdown and quotes before the word do not count.
+    """
+    return _FAIL.match(answer.lstrip(_SIGNS)) is not None
 
 
 def was_cut_off(state: TaskState) -> bool:

@@ -17,7 +17,8 @@ from inspect_ai.util import store
 from hijack_data.errors import ParameterError
 
 from ..bench.config import Bench, load_bench, override
-from ..tasks import get
+from ..bench.providers import OSWORLD
+from ..tasks import find_family, get
 from .scoring import CORRUPTION, SUBMIT, score_sample
 from .sessions import Session, Sessions
 from .tool import computer_tool, native_display_size
@@ -113,8 +114,9 @@ def inspect_task(
         keep: Of how many results the model is sent the pictures again, at least 1.
 
     Raises:
-        ParameterError: A number is below 1.
+        ParameterError: A number is below 1, or the benchmark has what only `hijack bench` plays.
     """
+    _check_playable(benchmark)
     steps = benchmark.max_steps if max_steps is None else max_steps
     for name, value in (("max_steps", steps), ("desktops", desktops), ("keep", keep)):
         if value < 1:
@@ -135,6 +137,27 @@ def inspect_task(
         message_limit=4 * steps + 20,
         metadata={"bench": benchmark.to_data()},
     )
+
+
+def _check_playable(benchmark: Bench) -> None:
+    """Check that samples can play all that a benchmark has.
+
+    Raises:
+        ParameterError: They cannot.
+    """
+    family = find_family(benchmark.tasks)
+    if family is not None or benchmark.provider == OSWORLD:
+        title = "OSWorld" if family is None else family.title
+        raise ParameterError(
+            f"{benchmark.source or 'the benchmark'}: tasks and machines of {title} are played by"
+            " hijack bench; Inspect plays the suite's tasks and yours on desktops of other"
+            " providers"
+        )
+    if benchmark.guard:
+        raise ParameterError(
+            f"guard {benchmark.guard!r} watches agents of hijack bench, and no models of Inspect's;"
+            " leave it out"
+        )
 
 
 def _samples(benchmark: Bench) -> Iterator[Sample]:

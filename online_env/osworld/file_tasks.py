@@ -6,10 +6,11 @@ of them all in it.
 
 import contextlib
 import hashlib
+import secrets
 import shutil
 import tempfile
 import time
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, ClassVar, cast
@@ -23,7 +24,7 @@ from ..desktops.osworld import OsworldDesktop, OsworldLike
 from ..desktops.protocol import Desktop
 from ..environment.stage import Setting, TaskHolder
 from ..errors import DesktopError, MissingPackageError
-from ..tasks.base import Task
+from ..tasks.base import Task, Verdict
 from ..tasks.hand import Hand
 from ..tasks.machine import Machine
 from ..tasks.machines import MachineSettings
@@ -36,13 +37,13 @@ from .stage import OsworldStage
 from .task_needs import FILES, PACKAGES, REMEDIES, RUNS_HERE, PackageCheck, list_needs, read_tested
 from .tasks import OsworldTask, load_file
 
-# In the guest: a file that says that an episode has used the machine. It outlives a restart.
+# In the guest: a file that names the episode which uses the machine. It outlives a restart.
 EPISODE_MARK = "/var/tmp/agenthijack-episode"
 # Of the embedded desktop, for which the scripts are written.
 RUN_DIALOG = "Application Finder"
 TERMINAL = "xfce4-terminal"
 TERMINAL_TITLE = "Terminal"
-MARK_EPISODE = 'if [ -e "$1" ]; then echo used; else touch "$1" && echo marked; fi'
+MARK_EPISODE = 'if [ -e "$1" ]; then echo used; else echo "$2" > "$1" && echo marked; fi'
 
 
 class OsworldFileTask(Task):
@@ -299,6 +300,7 @@ class MachineTasks(OsworldTasks):
         super().__init__(desktop.env, files, cast(Any, desktop.env).cache, desktop.password)
         self._desktop.machine_name = desktop.machine_name
         self._makes_history = False  # where there is an internet, OSWorld downloads that file
+        self._episode = ""
         self.was_not_reverted = False
 
     def reset(self, task: Any, seed: int) -> Setting:
@@ -324,13 +326,31 @@ class MachineTasks(OsworldTasks):
             )
         return setting
 
+    def evaluate(self, history: Sequence[str]) -> Verdict:
+        """Return OSWorld's own score of the machine that this episode was played on.
+
+        Raises:
+            DesktopError: The machine was reverted meanwhile, or another run used it.
+        """
+        verdict = super().evaluate(history)
+        result = self._desktop.execute(["cat", EPISODE_MARK])
+        if result.output.strip() != self._episode:
+            raise DesktopError(
+                f"{self._desktop.machine_name} was reverted, or used by another run, during the"
+                f" episode: {EPISODE_MARK} is not as the episode's start left it; use each machine"
+                " in one run at a time, and let --reset-command revert AGENTHIJACK_VM only"
+            )
+        return verdict
+
     def _mark_episode(self) -> str:
-        """Leave the mark of an episode; return `marked`, or `used` if it was there.
+        """Leave the mark of an episode; return `marked`, or `used` if there was one.
 
         Raises:
             DesktopError: It cannot be written.
         """
-        result = self._desktop.execute(["sh", "-c", MARK_EPISODE, "sh", EPISODE_MARK])
+        self._episode = secrets.token_hex(8)
+        mark = ["sh", "-c", MARK_EPISODE, "sh", EPISODE_MARK, self._episode]
+        result = self._desktop.execute(mark)
         if not result.ok or not result.output.strip():
             raise DesktopError(
                 f"{EPISODE_MARK} can't be written in the guest: {result.error.strip()[-200:]}"

@@ -7,6 +7,7 @@ import contextlib
 import json
 import os
 import shutil
+import socket
 import subprocess
 import tempfile
 import time
@@ -56,6 +57,8 @@ OPTIONS: Mapping[str, type] = {
 }
 ANYWHERE = ("client_password", "enable_proxy")  # those that need no provider
 PORTS = {"chromium": "chromium_port", "vnc": "vnc_port", "vlc": "vlc_port"}
+# The ports by which the controller, the set-up of tasks and the evaluators reach a guest.
+USED_PORTS = ("port", "chromium_port", "vlc_port")
 NO_RESET = (
     "nothing makes this machine pristine between two episodes: the set-up of a task, the agent's"
     " actions and effects (another window, a touch, minimised windows, a locked screen, a closed"
@@ -111,6 +114,7 @@ def check(settings: MachineSettings, episodes: int, folder: Path = venv.DEFAULT)
         raise ParameterError(f"--vm-option {others[0]} is for providers, not for addresses")
     if len(set(settings.vm)) < len(settings.vm):
         raise ParameterError(f"--vm names a machine twice: {', '.join(settings.vm)}")
+    _check_ports(addresses)
     if settings.count > 1 and not providers:
         raise ParameterError(
             "--machines is for providers that start machines; repeat --vm for each running machine"
@@ -142,6 +146,38 @@ def check(settings: MachineSettings, episodes: int, folder: Path = venv.DEFAULT)
         _check_providers(providers, folder)
     for name in addresses:
         _wait_for_guest(name, FIRST_ANSWER_TIMEOUT_S)
+
+
+def _check_ports(names: list[str]) -> None:
+    """Check that no two running machines are reached by the same port of the same host.
+
+    Episodes on the two would act on each other's screen, or be judged by each other's browser.
+
+    Raises:
+        ParameterError: Two are.
+    """
+    names_by_port: dict[tuple[str, int], str] = {}
+    for name in names:
+        address = read_address(name)
+        for host in _resolve(address.host):
+            for field in USED_PORTS:
+                port = int(getattr(address, field))
+                other = names_by_port.setdefault((host, port), name)
+                if other != name:
+                    raise ParameterError(
+                        f"--vm {other} and {name}: both are reached by port {port} of"
+                        f" {address.host}, so they would be one machine, or share a browser; leave"
+                        " one of them out, or write the ports of each, such as"
+                        " http://127.0.0.1:5001?chromium=9223&vlc=8081"
+                    )
+
+
+def _resolve(host: str) -> set[str]:
+    """Return the IP addresses of a host; its name if nothing is known of it."""
+    try:
+        return {str(entry[4][0]) for entry in socket.getaddrinfo(host, None)}
+    except OSError:
+        return {host.lower()}
 
 
 def _check_proxies() -> None:

@@ -204,6 +204,18 @@ def _bad_evaluator(evaluator: Mapping[str, Any]) -> Iterator[str]:
         for index, row in enumerate(_as_list(evaluator.get(field))):
             if row and not isinstance(_object(row).get("type"), str):
                 yield f"evaluator.{field}[{index}]: must be an object with a `type`, got {row!r}"
+    if isinstance(func, list) and "infeasible" in names:
+        yield f"evaluator.func: 'infeasible' stands alone, and not in a list, got {func!r}"
+    # OSWorld takes any other word for "or".
+    conj = evaluator.get("conj", "and")
+    if conj not in ("and", "or"):
+        yield f"evaluator.conj: must be 'and' or 'or', got {conj!r}"
+    for field in ("result", "expected", "options"):
+        value = evaluator.get(field)
+        is_alike = isinstance(value, list) == isinstance(func, list)
+        if value and not (is_alike and len(_as_list(value)) == len(names)):
+            rule = f"a list of {len(names)}, one for each" if isinstance(func, list) else "one, for"
+            yield f"evaluator.{field}: must be {rule} evaluator.func, got {value!r:.200}"
     yield from _bad_steps(evaluator.get("postconfig", []), "evaluator.postconfig")
 
 

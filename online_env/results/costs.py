@@ -30,7 +30,9 @@ class Budget:
         """Count an episode that has ended."""
         self._spent += total_cost([record])
         usage = record.get("usage")
-        if isinstance(usage, Mapping) and usage.get("requests") and usage.get("usd", 0.0) is None:
+        if not isinstance(usage, Mapping):
+            return
+        if usage.get("requests") and not is_amount(usage.get("usd")):
             self._unknown = str(record.get("id"))
 
     def check(self) -> None:

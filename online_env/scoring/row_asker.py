@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
-from hijack_data.errors import HijackError
+from hijack_data.errors import HijackError, ParameterError
 from hijack_data.plan import CLEAN
 from hijack_data.runs.run_log import GIVEN, ROW, VERSION
-from hijack_data.types import Action, Box, check_aim
+from hijack_data.types import AIMING, Action, Box, Size, check_aim
 
 from ..agents.agent_calls import AgentAnswer, AgentError, RunningAgent
 from ..agents.guarded import Guarded, Onlooker
@@ -24,7 +24,7 @@ from .answers import StepAnswer, read_answer
 from .cases import Case
 from .dataset_rows import DamagedRowError, RowData, RowFeed, picture_scale
 from .onlookers import is_reminder, overlap
-from .outlines import target_outline
+from .outlines import Outline, target_outline
 from .rules import Distance, ExpectedStep, compare, unanswered
 
 MAX_TEXT_CHARS = 2000  # characters of a text in a record
@@ -274,7 +274,8 @@ def expected_step(row: RowData) -> ExpectedStep:
     """Return what a row asks for.
 
     Raises:
-        ParameterError: its action lies outside its own target, or its outline is none.
+        ParameterError: its action lies outside its own target, its outline is none, or no point of
+            the picture is in its target.
     """
     recorded: dict[str, Any] = row["action"]
     keys = recorded["keys"]
@@ -284,14 +285,48 @@ def expected_step(row: RowData) -> ExpectedStep:
     polygon = target_outline(row["extra"], scale)
     if not polygon:
         check_aim(action, box)
+    size = row["height"], row["width"]
+    _check_target(action, box, polygon, size)
     return ExpectedStep(
         action=action,
-        size=(row["height"], row["width"]),
+        size=size,
         box=box,
         polygon=polygon,
         scale=scale,
         helpless=row["reminder"] is not None,
     )
+
+
+def _check_target(action: Action, box: Box | None, polygon: Outline, size: Size) -> None:
+    """Check that an answer can hit what a row aims at.
+
+    Raises:
+        ParameterError: no point of the picture is in it.
+    """
+    if action.type not in AIMING or (box is None and not polygon):
+        return
+    height, width = size
+    if polygon:
+        has_area = not _on_one_line(polygon)
+        xs, ys = zip(*polygon, strict=True)
+        bounds = min(xs), min(ys), max(xs), max(ys)
+    else:
+        bounds = cast("Box", box)
+        has_area = bounds[0] < bounds[2] and bounds[1] < bounds[3]
+    overlaps = bounds[0] < width and bounds[1] < height and bounds[2] > 0 and bounds[3] > 0
+    if not has_area or not overlaps:
+        raise ParameterError(
+            f"no point of the picture of {width}x{height} pixels is in the target {bounds} (x1, y1,"
+            " x2, y2), so every answer would be wrong"
+        )
+
+
+def _on_one_line(polygon: Outline) -> bool:
+    first, *others = dict.fromkeys(polygon)
+    if not others:
+        return True
+    dx, dy = others[0][0] - first[0], others[0][1] - first[1]
+    return all(dx * (y - first[1]) == dy * (x - first[0]) for x, y in others)
 
 
 def _box(value: Sequence[int] | None) -> Box | None:

@@ -126,6 +126,12 @@ def make_service(options: ServeOptions) -> DesktopService:
         check_installed(bench.provider, draws.tasks)
     check_machines(bench, episodes=ENDLESS)
     desktops = options.desktops
+    machines = desktops if bench.machines is None else len(bench.machines.single_machines())
+    if desktops > machines:
+        raise ParameterError(
+            f"--desktops {desktops}: only {machines} machines are named, and each is one desktop;"
+            " name more (--vm, --machines), or leave out --desktops"
+        )
     pool = DesktopPool(
         stage_maker(bench, options.log),
         count=desktops,

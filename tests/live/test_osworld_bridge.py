@@ -316,6 +316,7 @@ class metrics: pass
 class getters: pass
 class SetupController: pass
 class Controller:
+    http_server = "http://127.0.0.1:5000"
     def get_screenshot(self): return b"screen"
 class DesktopEnv:
     def __init__(self, **_): self.controller = Controller()

@@ -312,6 +312,7 @@ def test_an_error_that_has_nothing_to_say_is_refused(tmp_path):
         (b"- first", "1:1: a prompt is a mapping of system, first, each to texts"),
         (b"first: [a]", "1:8: first must be a text, got a list"),
         (b"frist: a", "1:1: a prompt has no key 'frist'; did you mean 'first'?"),
+        (b"first: Do {instructions}.", "1:1: no text of the prompt has the field {instruction}"),
         (b"first: " + b"x" * 2**18, "1:1: larger than 262144 bytes; is it a prompt?"),
     ],
 )
@@ -319,7 +320,8 @@ def test_a_prompt_that_is_none(tmp_path, content, said):
     (tmp_path / "p.yaml").write_bytes(content)
     with pytest.raises(ConfigError) as caught:
         prompts.read_prompt("p", (tmp_path,))
-    assert caught.value.problems == (f"{tmp_path / 'p.yaml'}:{said}",)
+    (problem,) = caught.value.problems
+    assert problem.startswith(f"{tmp_path / 'p.yaml'}:{said}")
 
 
 def test_of_two_folders_the_first_has_the_prompt_and_the_rest_is_ours(tmp_path):
@@ -327,10 +329,10 @@ def test_of_two_folders_the_first_has_the_prompt_and_the_rest_is_ours(tmp_path):
     for folder, names in ((value, ["mine"]), (two, ["mine", "theirs"])):
         folder.mkdir()
         for name in names:
-            (folder / f"{name}.yaml").write_text(f"first: {name} of {folder.name}\n")
+            (folder / f"{name}.yaml").write_text(f"first: {name} of {folder.name}{{instruction}}\n")
     paths = (value, two)
-    assert prompts.read_prompt("mine", paths).first == "mine of one"
-    assert prompts.read_prompt("theirs", paths).first == "theirs of two"
+    assert prompts.read_prompt("mine", paths).first == "mine of one{instruction}"
+    assert prompts.read_prompt("theirs", paths).first == "theirs of two{instruction}"
     assert prompts.read_prompt("pyautogui", paths) == prompts.read_prompt("pyautogui")
 
 

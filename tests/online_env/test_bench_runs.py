@@ -471,5 +471,6 @@ def test_a_budget_counts_what_was_spent_before_and_reads_the_journal_no_more(fol
 def test_a_budget_is_not_kept_by_what_costs_nobody_knows_how_much():
     spent = {"requests": 3, "input_tokens": 0, "output_tokens": 0, "usd": None}
     costs.Budget(1.0, [make_record(usage=None), make_record(usage={"turns": 5})]).check()
-    with pytest.raises(CostLimitError, match="what episode t-clean cost is not known"):
-        costs.Budget(1.0, [make_record(usage=spent)]).check()
+    for usage in (spent, {"requests": 3}, {**spent, "usd": "0.1"}):  # what agents of users report
+        with pytest.raises(CostLimitError, match="what episode t-clean cost is not known"):
+            costs.Budget(1.0, [make_record(usage=usage)]).check()

@@ -167,6 +167,40 @@ def test_a_wait_that_makes_no_sense_is_never_slept(tmp_path, monkeypatch, asked,
     assert least <= waited <= most
 
 
+@pytest.mark.parametrize(
+    ("client", "ending"),
+    [
+        ("anthropic", {"stop_reason": "max_tokens"}),
+        (
+            "openai_computer",
+            {"status": "incomplete", "incomplete_details": {"reason": "max_output_tokens"}},
+        ),
+    ],
+)
+def test_a_computer_tools_answer_that_was_cut_off_is_malformed_and_not_done(
+    tmp_path, client, ending
+):
+    make = {"anthropic": messages, "openai_computer": responses}[client]
+    for answer in ("Let me see. The window", ("x", Call("computer", WAITS))):
+        with serving(Raw(json.dumps({**make(answer), **ending}).encode())) as endpoint:
+            (action,) = playing(tmp_path, client, endpoint.url).predict("do it", picture())[1]
+        assert "the answer was cut off (max_" in action
+        assert action not in ("DONE", "WAIT")
+
+
+def test_an_answer_that_says_that_the_model_failed_is_asked_for_again(tmp_path):
+    overloaded = {"message": "overloaded", "code": 502}
+    choice = {**chat("")["choices"][0], "finish_reason": "error", "error": overloaded}
+    failures = {
+        "openai": {**chat(""), "choices": [choice]},
+        "openai_computer": {**responses(""), "status": "failed", "error": overloaded},
+    }
+    for client, failure in failures.items():
+        failed = Raw(json.dumps(failure).encode())
+        with serving(failed) as endpoint, pytest.raises(EndpointError, match="overloaded"):
+            playing(tmp_path, client, endpoint.url).predict("do it", picture())
+
+
 def test_tokens_that_are_free_cost_nothing_even_if_nobody_counts_them(tmp_path):
     uncounted = Raw(json.dumps({**chat(GOOD), "usage": None}).encode())
     with serving(uncounted) as endpoint:
@@ -175,8 +209,9 @@ def test_tokens_that_are_free_cost_nothing_even_if_nobody_counts_them(tmp_path):
     assert agent.usage["usd"] == 0.0
 
 
-def test_one_step_of_unknown_price_makes_the_price_of_all_unknown(tmp_path):
-    uncounted = Raw(json.dumps({**chat(GOOD), "usage": None}).encode())
+@pytest.mark.parametrize("usage", [None, {"prompt_tokens": 9, "completion_tokens": -1}])
+def test_one_step_of_unknown_price_makes_the_price_of_all_unknown(tmp_path, usage):
+    uncounted = Raw(json.dumps({**chat(GOOD), "usage": usage}).encode())
     with serving(GOOD, uncounted, GOOD) as endpoint:
         agent = agent_of(tmp_path, endpoint.url, prices="{input: 1, output: 1}")
         for _ in range(3):
@@ -184,7 +219,7 @@ def test_one_step_of_unknown_price_makes_the_price_of_all_unknown(tmp_path):
     usage = agent.usage
     assert usage["usd"] is None
     assert [step["usd"] for step in usage["steps"]] == [0.00102, None, 0.00102]
-    assert (usage["requests"], usage["input_tokens"], usage["output_tokens"]) == (3, 2000, 40)
+    assert (usage["requests"], usage["output_tokens"]) == (3, 40)
 
 
 def test_a_summary_without_words_leaves_the_agents_own(tmp_path):

@@ -448,9 +448,12 @@ def test_code_in_other_coordinates(tmp_path, coordinates, code, actions):
 
 
 def test_code_that_cannot_be_mapped_is_never_run_in_the_wrong_coordinates(tmp_path):
+    fractions = "```python\npyautogui.click(0.5, 0.5)\n```"  # and not the pixel in the corner
     answer = "```python\npyautogui.click(*f())\n```"
-    with serving(answer) as endpoint:
-        [malformed] = ask(agent_of(tmp_path, endpoint.url, coordinates="resized"))
+    with serving(fractions, answer) as endpoint:
+        agent = agent_of(tmp_path, endpoint.url, coordinates="resized")
+        assert "are fractions of the picture, not pixels" in ask(agent)[0]
+        [malformed] = ask(agent)
     env, _ = make_env()
     env.reset(seed=0)
     env.step(malformed)

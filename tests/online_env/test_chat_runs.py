@@ -143,7 +143,7 @@ def test_another_prompt_is_another_run(tmp_path):
         run("first")
     words = tmp_path / "words"
     words.mkdir()
-    (words / "pyautogui.yaml").write_text("first: Press it!")
+    (words / "pyautogui.yaml").write_text("first: Press it! {instruction}")
     _, again = run("again", "--replay", tmp_path / "first", "--prompts", words, code=1)
     assert "they differ in the request.messages (the value)" in again[0]["problem"]
 
@@ -243,11 +243,11 @@ UITARS_REMINDER_PROMPT = "Reminder: ..."
 def test_a_run_goes_on_only_with_the_same_file_and_prompts(tmp_path):
     words = tmp_path / "words"
     words.mkdir()
-    (words / "pyautogui.yaml").write_text("first: Press it!")
+    (words / "pyautogui.yaml").write_text("first: Press it! {instruction}")
     with serving(model) as endpoint:
         run = Run(tmp_path, endpoint.url)
         run("run", "--prompts", words)
-        (words / "pyautogui.yaml").write_text("first: Press it, please!")
+        (words / "pyautogui.yaml").write_text("first: Press it, please! {instruction}")
         with pytest.raises(HijackError, match=r"another run: code\.\S*prompts_sha256 was"):
             run("run", "--prompts", words, "--resume")
         run("other")

@@ -213,6 +213,7 @@ def test_a_cost_that_one_of_the_two_does_not_know_is_not_known():
     result = joint_usage({**counts, "usd": 0.5}, {**counts, "usd": 0.25})
     assert (result["requests"], result["input_tokens"], result["usd"]) == (2, 10, 0.75)
     assert joint_usage({**counts, "usd": None}, {**counts, "usd": 0.25})["usd"] is None
+    assert joint_usage(counts, {**counts, "usd": 0.25})["usd"] is None
     assert joint_usage(None, {"reading": {}}) == {"guard": {"reading": {}}}
     assert joint_usage(None, None) is None
 

@@ -336,6 +336,10 @@ def test_a_configuration_is_chosen_from(tmp_path):
         bench("no_such_file")
     with pytest.raises(ParameterError, match="desktops must be at least 1"):
         bench(str(file), desktops=0)
+    with pytest.raises(ParameterError, match="machines of OSWorld are played by hijack bench"):
+        bench("osworld")
+    with pytest.raises(ParameterError, match="guard 'rules' watches agents of hijack bench"):
+        inspect_task(benchmark(guard="rules"))
 
 
 def test_inspect_finds_the_tasks_in_an_installed_package(tmp_path):

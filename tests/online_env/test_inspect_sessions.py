@@ -250,6 +250,8 @@ def test_only_models_that_are_told_a_display_see_pictures_of_its_size(toolset, n
     ("answer", "does"),
     [
         ("FAIL", True),
+        ("**FAIL**", True),
+        ("`FAIL`: no such square", True),
         (" fail.\n", True),
         ("Fail: there is no such file", True),
         ("Failing tests are fixed now", False),

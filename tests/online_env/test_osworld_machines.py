@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,7 +15,7 @@ from click.testing import CliRunner
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError
 from online_env import tasks
-from online_env.errors import DesktopError, MissingPackageError
+from online_env.errors import DesktopError, GuestError, MissingPackageError
 from online_env.osworld import machines
 from online_env.osworld.bridge import worker
 from online_env.osworld.file_tasks import MachineTasks
@@ -104,8 +105,12 @@ def test_a_provider_reverts_between_episodes_and_ends_its_machine(
             stage.reset(tasks.TASKS.get(tasks.TASKS.find(str(broken)))(0), 0)
             with pytest.raises(DesktopError, match="evaluate raised"):
                 stage.evaluate(["DONE"])
+            stage.reset(task, 0)
+            urllib.request.urlopen(f"http://{guest.address}/revert", b"").close()  # another run's
+            with pytest.raises(DesktopError, match="or used by another run, during the episode"):
+                stage.evaluate(["FAIL"])
         assert events(path)[-1] == "stop"
-        assert events(path).count("revert") == 4
+        assert events(path).count("revert") == 5
 
 
 def test_a_machine_that_does_not_start_is_named(osworld, script, tmp_path, monkeypatch) -> None:
@@ -122,6 +127,38 @@ def test_a_machine_that_does_not_start_is_named(osworld, script, tmp_path, monke
     ):
         pass
     assert events(path)[-1] == "stop"
+
+
+def test_code_whose_answer_is_lost_is_not_run_again(osworld, tmp_path) -> None:
+    """OSWorld's own client would send it three times, and a text would be typed three times."""
+    with fake_guests(tmp_path, None) as (guest,):
+        settings = MachineSettings(vm=(f"http://{guest.address}",))
+        with machines.machine((SIZE[1], SIZE[0]), settings, osworld) as desktop:
+            guest.loses_answers = True
+            with pytest.raises(GuestError, match="no answer"):
+                desktop.run("open('/var/tmp/typed', 'a').write('x')")
+            guest.loses_answers = False
+            assert desktop.run("print(1)").output == "1\n"
+    assert (tmp_path / "guest0" / "typed").read_text() == "x"
+
+
+def test_a_file_that_the_guest_does_not_send_is_no_file_that_is_not_there(
+    osworld, tmp_path
+) -> None:
+    evaluator = {
+        "func": "exact_match",
+        "result": {"type": "vm_file", "path": "/home/user/x", "dest": "x"},
+        "expected": {"type": "rule", "rules": {"expected": "x"}},
+    }
+    task = json.loads(task_file(tmp_path, "t-file", evaluator=evaluator).read_text())
+    with fake_guests(tmp_path, None) as (guest,):
+        settings = MachineSettings(vm=(f"http://{guest.address}",))
+        with machines.machine((SIZE[1], SIZE[0]), settings, osworld) as desktop:
+            desktop.env.reset(task)
+            assert desktop.evaluate() == 0  # the guest says that there is none
+            guest.loses_answers = True
+            with pytest.raises(DesktopError, match=r"POST /file.*a score of 0.0 may rest on that"):
+                desktop.evaluate()
 
 
 def test_another_screen_than_the_benchmarks_is_refused(
@@ -206,6 +243,14 @@ def test_a_run_without_a_machine_left_says_why(osworld, tmp_path) -> None:
         (["--vm", "http://127.0.0.1:9?web=1"], "an address is like http://10.0.0.5:5000"),
         (["--vm", "dokcer"], "no such provider; did you mean 'docker'"),
         (["--vm", "vmware", "--vm", "vmware"], "names a machine twice"),
+        (
+            ["--vm", "http://127.0.0.1:9", "--vm", "http://localhost:9/"],
+            "both are reached by port 9 of",
+        ),
+        (
+            ["--vm", "http://127.0.0.1:9", "--vm", "http://127.0.0.1:10?chromium=9223"],
+            "both are reached by port 8080 of",
+        ),
         (["--vm", "vmware", "--reset-command", "x"], "providers revert themselves"),
         (["--vm", "vmware", "--vm-option", "snapshot=x"], "did you mean 'snapshot_name'"),
         (

@@ -116,7 +116,7 @@ def test_a_name_may_have_as_many_bytes_as_a_folder_takes(tmp_path: Path) -> None
 def test_a_file_that_two_getters_want_is_fetched_once(tmp_path: Path) -> None:
     cloud = {"type": "cloud_file", "path": "http://h/x", "dest": "x"}
     write_task(tmp_path, "a1", evaluator={"func": "f", "result": cloud, "expected": {"of": cloud}})
-    write_task(tmp_path, "a2", evaluator={"func": "f", "result": [cloud, None], "expected": None})
+    write_task(tmp_path, "a2", evaluator={"func": ["f", "g"], "result": [cloud, None]})
     with pytest.raises(ConfigError, match=r"evaluator\.expected\[0\]: must be an object"):
         load(tmp_path)
     write_task(

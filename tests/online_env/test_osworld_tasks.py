@@ -120,6 +120,13 @@ BROKEN: list[tuple[Any, str]] = [
         r"evaluator.result\[1\]",
     ),
     ({**GOOD, "evaluator": {"func": "f", "postconfig": ["x"]}}, r"evaluator.postconfig\[0\]"),
+    ({**GOOD, "evaluator": {"func": ["f", "g"], "conj": "AND"}}, "conj: must be 'and' or 'or'"),
+    ({**GOOD, "evaluator": {"func": ["infeasible"]}}, "'infeasible' stands alone"),
+    ({**GOOD, "evaluator": {"func": "f", "options": [{}]}}, "options: must be one, for"),
+    (
+        {**GOOD, "evaluator": {"func": ["f", "g"], "result": [{"type": "a"}]}},
+        "result: must be a list of 2, one for each evaluator.func",
+    ),
 ]
 
 

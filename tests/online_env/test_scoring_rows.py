@@ -12,7 +12,7 @@ from hijack_data.cli import main
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.types import Action
 from online_env.results import records
-from online_env.scoring import run
+from online_env.scoring import row_asker, run
 from online_env.scoring.answers import read_answer
 from online_env.scoring.cases import Selection, select_cases
 from online_env.scoring.outlines import target_outline
@@ -135,6 +135,24 @@ def test_an_outline_that_is_none_is_an_error_of_the_row_and_no_crash(extra, said
         target_outline(extra, (1.0, 1.0))
     assert said in str(error.value)
     assert len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize(
+    "target",
+    [
+        {"target_box": [5, 5, 5, 9]},
+        {"target_box": [200, 5, 220, 9]},
+        {"extra": '{"target_polygon": [[1, 1], [1, 1], [9, 9], [5, 5]]}'},
+        {"extra": '{"target_polygon": [[1, -9], [9, -9], [9, -1]]}'},
+    ],
+)
+def test_a_target_that_no_answer_can_hit_is_an_error_of_the_row(target):
+    action = dict.fromkeys(("x", "y", "x2", "y2", "text", "keys", "amount"))
+    row = {"corruption": "clean", "width": 200, "height": 100, "reminder": None}
+    row |= {"target_box": None, "extra": None, "action": {"type": "click", **action}}
+    with pytest.raises(ParameterError, match="no point of the picture of 200x100 pixels"):
+        row_asker.expected_step({**row, **target})
+    row_asker.expected_step(row | {"extra": '{"target_polygon": [[1, 1], [9, 9], [9, 1], [1, 9]]}'})
 
 
 @pytest.mark.parametrize("extra", ["", "{}", '["target_polygon"]', '{"about": "target_polygon"}'])

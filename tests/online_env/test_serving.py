@@ -22,9 +22,10 @@ from online_env.serving.errors import (
     LeaseExpiredError,
     ServerBusyError,
 )
-from online_env.serving.server import TOKEN, ServeOptions, override_size
+from online_env.serving.server import TOKEN, ServeOptions, make_service, override_size
 from online_env.serving.sessions import DesktopSession
 from online_env.tasks import task_sets
+from online_env.tasks.machines import MachineSettings
 
 from support.episodes import CLICK
 from support.live import Marking
@@ -460,6 +461,13 @@ def test_a_token_file_is_for_its_owner(tmp_path):
     file.write_text("short")
     with pytest.raises(ParameterError, match="at least 16 printable characters"):
         read_token(file, TOKEN)
+
+
+def test_more_desktops_than_machines_are_refused_and_not_waited_for():
+    machines = MachineSettings(vm=("docker",), count=2)
+    bench = Bench(provider="osworld", machines=machines, tasks=TASKS, size=(360, 640))
+    with pytest.raises(ParameterError, match="--desktops 3: only 2 machines are named"):
+        make_service(ServeOptions(bench=bench, desktops=3))
 
 
 @pytest.mark.parametrize("size", ["1280", "1280*720", "x720", "99999x720"])

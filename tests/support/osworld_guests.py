@@ -66,9 +66,10 @@ class DockerVMManager:
 class FakeGuest:
     """A guest of OSWorld's without a screen; what it would write to /var/tmp goes to a folder."""
 
-    def __init__(self, folder: Path, dies_at: int | None = None) -> None:
+    def __init__(self, folder: Path, dies_at: int | None = None, host: str = "127.0.0.1") -> None:
         guest = self
         folder.mkdir()
+        self.loses_answers = False  # to all that is posted
         self.screenshots = 0
         picture = io.BytesIO()
         Image.new("RGB", SIZE, "navy").save(picture, "PNG")
@@ -100,6 +101,8 @@ class FakeGuest:
                     process = subprocess.run(
                         [sys.executable, "-c", code], capture_output=True, text=True, check=False
                     )
+                    if guest.loses_answers:
+                        return  # without an answer, the connection is closed
                     answer = {
                         "status": "success",
                         "output": process.stdout,
@@ -107,7 +110,7 @@ class FakeGuest:
                     }
                     fields = {**answer, "returncode": process.returncode}
                     self._answer(json.dumps(fields).encode(), "application/json")
-                else:
+                elif not guest.loses_answers:
                     self.send_error(404)
 
             def _answer(self, body: bytes, kind: str = "text/plain") -> None:
@@ -120,8 +123,8 @@ class FakeGuest:
             def log_message(self, *_: Any) -> None:
                 """Write nothing."""
 
-        self._server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Routes)
-        self.address = f"127.0.0.1:{self._server.server_port}"
+        self._server = http.server.ThreadingHTTPServer((host, 0), Routes)
+        self.address = f"{host}:{self._server.server_port}"
         threading.Thread(target=self._server.serve_forever, args=(0.05,), daemon=True).start()
 
     def die(self) -> None:
@@ -136,8 +139,10 @@ class FakeGuest:
 
 @contextmanager
 def fake_guests(folder: Path, *dies_at: int | None) -> Iterator[list[FakeGuest]]:
-    """Guests, one for each number of the screenshot at which it dies."""
-    guests = [FakeGuest(folder / f"guest{n}", at) for n, at in enumerate(dies_at)]
+    """Guests with hosts of their own, one for each number of the screenshot at which it dies."""
+    guests = [
+        FakeGuest(folder / f"guest{n}", at, f"127.0.0.{n + 1}") for n, at in enumerate(dies_at)
+    ]
     try:
         yield guests
     finally:

@@ -114,9 +114,17 @@ class ReplyParser:
         return smart_resize(*size, min_pixels=self.min_pixels, max_pixels=self.max_pixels)
 
     def _read_calls(self, reply: Reply, text: str, size: Size) -> list[str]:
-        """Return the calls of a computer tool; a reply without any ends the episode."""
+        """Return the calls of a computer tool; a whole reply without any ends the episode.
+
+        Raises:
+            ActionError: the reply is not whole, or a call is no action.
+        """
         if reply.refused:
             return [self._malformed(reply.transcript)]
+        if reply.cut:
+            raise ActionError(
+                f"the answer was cut off ({reply.cut:.40}); a higher sampling.max_tokens may help"
+            )
         if reply.calls:
             actions: list[str] = []
             for call in reply.calls:
@@ -154,7 +162,7 @@ class ReplyParser:
         """
         if self.coordinates == "resized":
             source = self._resized_size(size)
-            code = map_code(code, Scaling(source, size))
+            code = map_code(code, Scaling(source, size, recorded=True))
         elif self.coordinates == "thousandths":
             code = map_code(code, Scaling.fractions(size, 1000))
         elif self.coordinates == "fractions":

@@ -22,6 +22,10 @@ KEYS = ("system", "first", "each")
 FIELDS = ("instruction", "action", "errors", "language", "reminder", "width", "height")
 _FIELD = re.compile(r"\{(" + "|".join(FIELDS) + r")\}")
 MAX_BYTES = 2**18
+# The fields that a prompt must have, without which its model does not know what it is asked about.
+# The onlooker's check may have its errors in its own words; an agent's prompt has the task.
+NEEDED_FIELDS = {"onlooker_check": (), "onlooker_summary": ("action",)}
+NEEDED_BY_AGENTS = ("instruction",)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,4 +108,9 @@ def _read(path: Path) -> Prompt:
         else:
             problems.add(item.position, f"{key} must be a text, got {describe_node(item)}")
     problems.check()
-    return Prompt(**texts)
+    prompt = Prompt(**texts)
+    for field in NEEDED_FIELDS.get(path.stem, NEEDED_BY_AGENTS):
+        if not prompt.has(field):
+            problems.add(tree.position, f"no text of the prompt has the field {{{field}}}; add it")
+    problems.check()
+    return prompt

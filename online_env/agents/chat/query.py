@@ -103,6 +103,7 @@ class Reply:
         input_tokens: tokens of the request, as the endpoint counted them.
         output_tokens: tokens of the answer.
         refused: whether the model refused to answer.
+        cut: why the answer is not whole, in the API's word, such as `max_tokens`; "" if it is.
     """
 
     text: str
@@ -111,6 +112,7 @@ class Reply:
     input_tokens: int = 0
     output_tokens: int = 0
     refused: bool = False
+    cut: str = ""
 
     @property
     def transcript(self) -> str:

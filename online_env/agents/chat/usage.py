@@ -57,10 +57,12 @@ class UsageMeter:
     ) -> None:
         """Count one answered request; `tries` is how often it was sent.
 
-        Every request has tokens, so a count of 0 means that the endpoint does not count: the cost
-        is then unknown, unless tokens are free.
+        Every request and every answer has tokens, so a count of 0 means that the endpoint does not
+        count: the cost is then unknown, unless tokens of that kind are free.
         """
-        if prices is not None and not input_tokens and prices.cost(1, 1):
+        if prices is not None and (
+            (not input_tokens and prices.input) or (not output_tokens and prices.output)
+        ):
             prices = None
         counts = TokenCounts(
             requests=1,

@@ -12,13 +12,16 @@ from typing import Any
 
 from . import additions, package_needs, stubs
 from .channel import Channel, Message
+from .execution import execute_once
 from .outcome import OutcomeHandler
 from .provider import Manager, Provider, send_tokens
+from .unanswered import UnansweredRequests
 
 PROVIDERS = "desktop_env.providers"
 CALLS = ("start", "check", "check_provider", "reset", "step", "evaluate", "controller")
 # What the controlling process may call on the guest's controller.
-CONTROLLER = ("get_screenshot", "get_accessibility_tree", "get_file", "execute_python_command")
+CODE = "execute_python_command"
+CONTROLLER = ("get_screenshot", "get_accessibility_tree", "get_file", CODE)
 
 
 class Worker:
@@ -133,8 +136,11 @@ class Worker:
         return [_portable(observation), reward, done, info]
 
     def evaluate(self) -> float:
-        """OSWorld's evaluate: the score."""
-        return float(self.env.evaluate())
+        """OSWorld's evaluate: the score; an error if the guest left a request without an answer."""
+        with UnansweredRequests(self.env.controller.http_server) as requests:
+            score = float(self.env.evaluate())
+        requests.check(score)
+        return score
 
     def controller(self, method: str, arguments: list[Any]) -> Any:
         """One of the calls in `CONTROLLER`; bytes come back in base64.
@@ -144,8 +150,10 @@ class Worker:
         """
         if method not in CONTROLLER:
             raise ValueError(f"controller call {method!r} is not one of {', '.join(CONTROLLER)}")
-        # Only code can change the machine, and a revert takes a provider up to minutes.
-        self.used = self.used or method == "execute_python_command"
+        if method == CODE:
+            # Only code can change the machine, and a revert takes a provider up to minutes.
+            self.used = True
+            return execute_once(self.env.controller, *arguments)
         return _portable(getattr(self.env.controller, method)(*arguments))
 
 

@@ -108,10 +108,13 @@ class ServedEnv(gymnasium.Env[dict[str, Any], str]):
         """Take an action; once the episode is over, every further step is truncated.
 
         Raises:
-            TrainError: the server refuses the action, or cannot be reached.
+            TrainError: the server refuses the action, or cannot be reached; or no episode is under
+                way, because there was no reset, or the last one or a step of it failed.
         """
-        if self.record is not None or self._client is None:
+        if self.record is not None:
             return dict(self._last), 0.0, False, True, {}
+        if self._client is None:
+            raise TrainError(f"{self.address}: no episode is under way: call reset first")
         result = self._call("step", lambda client: client.step({"action": action}))
         observation = self._read_observation(result)
         truncated = bool(result.observation.get("truncated"))

@@ -6,6 +6,7 @@ rows of `verl_rows.write_rows` name it. Written for verl 0.9 with its v1 trainer
 
 import asyncio
 import atexit
+import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
 from uuid import uuid4
@@ -13,7 +14,7 @@ from uuid import uuid4
 from hijack_data import extras
 from hijack_data.compose import OneOf
 from hijack_data.config import load_config
-from hijack_data.errors import ParameterError
+from hijack_data.errors import ParameterError, suggest
 from hijack_data.loading import load_reference
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
@@ -49,6 +50,9 @@ class HijackLoop(AgentLoopBase):
         max_steps: the most answers of an episode.
         format_weight: the penalty of an answer in the wrong form.
         **kwargs: of verl.
+
+    Raises:
+        ParameterError: verl's configuration of the loop has a key that is none of these.
     """
 
     def __init__(
@@ -63,6 +67,7 @@ class HijackLoop(AgentLoopBase):
         format_weight: float = 1.0,
         **kwargs: Any,
     ) -> None:
+        _check_keys(kwargs)
         super().__init__(*args, **kwargs)
         self.environment = environment
         self.environment_args = _plain(environment_args or {})
@@ -209,6 +214,25 @@ class HijackLoop(AgentLoopBase):
         """Call a blocking function in a thread, so that the worker's other episodes continue."""
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(None, function, *args)
+
+
+def _check_keys(kwargs: Mapping[str, Any]) -> None:
+    """Check that no key of the loop's configuration is left for verl's base class.
+
+    That class would ignore it. verl itself gives its arguments, and objects; a file's are plain.
+
+    Raises:
+        ParameterError: there is such a key.
+    """
+    known = [name for name in inspect.signature(HijackLoop.__init__).parameters if name != "self"]
+    of_verl = {"name", *inspect.signature(AgentLoopBase.__init__).parameters}
+    for key in kwargs.keys() - of_verl:
+        value = kwargs[key]
+        if isinstance(value, bool | int | float | str | list | dict) or OmegaConf.is_config(value):
+            raise ParameterError(
+                f"the agent loop's configuration has the key {key!r}, which means"
+                f" nothing{suggest(key, known)}"
+            )
 
 
 def make_planner(corruptions: Sequence[Any]) -> Planner | None:

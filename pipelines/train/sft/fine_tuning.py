@@ -1,5 +1,6 @@
 """Runs a supervised fine-tuning with TRL's `SFTTrainer`."""
 
+import hashlib
 import json
 import os
 from collections.abc import Callable
@@ -9,7 +10,7 @@ from typing import Any
 
 from hijack_data import extras
 from hijack_data.errors import ParameterError, UnknownNameError, suggest
-from hijack_data.file_io import write_atomic
+from hijack_data.file_io import make_folder, write_atomic
 
 from ..errors import TrainError
 from .chat_rows import ChatRow, check_rows, read_rows
@@ -18,6 +19,9 @@ from .settings import SftSettings
 SUMMARY = "summary.json"
 MODEL = "model"
 CHECKPOINTS = "checkpoints"
+RUN = "run.json"  # what the checkpoints were trained with
+# Fields of the settings that may change when a run is resumed: the rows have a digest.
+_FREE = ("data", "evaluation", "osworld_split", "epochs", "source")
 
 
 def read_examples(settings: SftSettings) -> dict[str, list[ChatRow]]:
@@ -63,14 +67,18 @@ def fine_tune(
 
     Raises:
         TrainError: the loss is not finite, the model cannot be loaded or is not made for pictures,
-            or there is no checkpoint to go on from.
+            or there is no checkpoint of this run to go on from.
     """
     rows = read_examples(settings) if rows is None else rows
     for folder, examples in rows.items():
         say(f"{folder}: {len(examples)} rows")
     all_rows = [row for examples in rows.values() for row in examples]
+    identity = _identity(settings, all_rows)
     trainer = _trainer(settings, all_rows, out)
-    checkpoint = _last_checkpoint(out) if resume else None
+    checkpoint = _last_checkpoint(out, identity) if resume else None
+    if checkpoint is None:
+        make_folder(out)
+        write_atomic(out / RUN, json.dumps(identity, indent=1) + "\n")
     trainer.train(resume_from_checkpoint=checkpoint)
     trainer.save_model(str(out / MODEL))
     losses = [
@@ -179,13 +187,40 @@ def _dataset(rows: list[ChatRow]) -> Any:
     return Dataset.from_dict({"number": list(range(len(rows)))}).with_transform(open_rows)
 
 
-def _last_checkpoint(out: Path) -> str:
+def _identity(settings: SftSettings, rows: list[ChatRow]) -> dict[str, Any]:
+    """Return what a run is trained with, as JSON data: it may only be resumed with the same."""
+    values = {name: value for name, value in asdict(settings).items() if name not in _FREE}
+    texts = [[row.question, row.answer, row.trajectory, len(row.pictures)] for row in rows]
+    digest = hashlib.sha256(json.dumps(texts).encode()).hexdigest()
+    return json.loads(json.dumps({**values, "trl": dict(settings.trl), "rows": digest}))
+
+
+def _last_checkpoint(out: Path, identity: dict[str, Any]) -> str:
+    """Return the last checkpoint of a run.
+
+    Raises:
+        TrainError: there is none, or its run was another one.
+    """
     from transformers.trainer_utils import get_last_checkpoint
 
     folder = out / CHECKPOINTS
     checkpoint = get_last_checkpoint(str(folder)) if os.path.isdir(folder) else None
     if checkpoint is None:
         raise TrainError(f"{folder}: there is no checkpoint to go on from; leave out --resume")
+    path = out / RUN
+    try:
+        stored = dict(json.loads(path.read_bytes()))
+    except (OSError, ValueError, TypeError) as error:
+        raise TrainError(
+            f"{path}: what the checkpoints were trained with cannot be read ({error}); begin again"
+            " in another folder"
+        ) from None
+    if stored != identity:
+        keys = [key for key, value in identity.items() if stored.get(key) != value]
+        raise TrainError(
+            f"{path}: the checkpoints are those of another run; it differs in {', '.join(keys)}."
+            " Give those as they were, or another folder"
+        )
     return checkpoint
 
 

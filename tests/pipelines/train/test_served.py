@@ -122,6 +122,8 @@ def test_a_server_that_is_not_there_is_named():
     env = ServedEnv("http://127.0.0.1:1")
     with pytest.raises(TrainError, match=r"http://127.0.0.1:1: reset: ConnectionError"):
         env.reset(seed=0)
+    with pytest.raises(TrainError, match="no episode is under way: call reset first"):
+        env.step(CLICK)  # an episode that never began is no rollout with a reward of 0
 
 
 def test_the_token_comes_from_the_environment(monkeypatch):

@@ -242,6 +242,9 @@ def test_the_loss_goes_down(config, exports, tmp_path):
     assert run(config(), "--out", out).exit_code == 2, "the folder is not empty"
     again = run(config(**options, epochs=2), "--out", out, "--resume", "--json", *watched)
     assert json.loads(again.stdout.splitlines()[-1])["steps"] > summary["steps"]
+    others = config(**{**options, "learning_rate": 0.1})
+    with pytest.raises(TrainError, match="of another run; it differs in learning_rate, rows"):
+        run(others, "--out", out, "--resume", *watched[:2])
 
 
 @pytest.mark.slow

@@ -183,6 +183,12 @@ def test_each_rollout_meets_a_corruption_of_its_own(play):
     assert clean.extra_fields["reward_extra_info"]["corruption"] == "clean"
 
 
+def test_a_key_of_the_configuration_that_means_nothing_is_refused(play):
+    play(name="agenthijack", tools=object())  # verl gives these, too
+    with pytest.raises(ParameterError, match=r"the key 'corruption'.*did you mean 'corruptions'"):
+        play(corruption=["marks"])  # verl's base class would take it, and play clean rollouts
+
+
 @pytest.mark.parametrize(("says", "reward"), [("DONE", 0.0), ("I do not know", -1.0)])
 def test_reward_is_success_and_format(play, says, reward):
     output, _ = play(lambda env: says, max_steps=2)

@@ -22,6 +22,8 @@ BETAS = {
     "computer_20250124": "computer-use-2025-01-24",
 }
 NAME = "computer"
+# The values of `stop_reason` with which an answer is whole; endpoints of others may leave it out.
+WHOLE = (None, "", "end_turn", "stop_sequence", "tool_use", "refusal")
 
 
 class AnthropicMessages:
@@ -67,6 +69,7 @@ class AnthropicMessages:
         for use in uses:
             label(use, "id")  # the next request has a result for each
         usage = answer.get("usage")
+        stop_reason = answer.get("stop_reason")
         return Reply(
             text="\n".join(words),
             calls=tuple(_call(block) for block in uses),
@@ -75,7 +78,8 @@ class AnthropicMessages:
                 usage, "input_tokens", "cache_creation_input_tokens", "cache_read_input_tokens"
             ),
             output_tokens=tokens(usage, "output_tokens"),
-            refused=answer.get("stop_reason") == "refusal",
+            refused=stop_reason == "refusal",
+            cut="" if stop_reason in WHOLE else str(stop_reason),
         )
 
 
@@ -85,7 +89,7 @@ def _call(block: Mapping[str, Any]) -> dict[str, Any]:
     arguments = block.get("input")
     if name == NAME or not isinstance(arguments, Mapping):
         return {"name": name, "arguments": arguments}
-    return {"name": NAME, "arguments": {"action": name, **arguments}}
+    return {"name": NAME, "arguments": {**arguments, "action": name}}
 
 
 def _message(message: ChatMessage) -> dict[str, Any]:

@@ -42,9 +42,12 @@ class OpenAIChat:
         """Read the first choice.
 
         Raises:
-            broken: There is none.
+            broken: There is none, or the endpoint says that it failed.
         """
         choices = items(answer.get("choices"), "choices")
+        # Routers of several providers answer with status 200 and an empty message.
+        if choices and (choices[0].get("error") or choices[0].get("finish_reason") == "error"):
+            raise broken("has a choice that failed", choices[0].get("error"))
         message = choices[0].get("message") if choices else None
         if not isinstance(message, Mapping):
             raise broken("has no message", answer)

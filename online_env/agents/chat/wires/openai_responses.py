@@ -5,10 +5,12 @@ from typing import Any
 
 from ...settings import ModelSettings
 from ..query import EmbeddedPicture, ModelQuery, Reply, ScreenPicture
-from .common import items, label, openai_client, sampled, texts, tokens
+from .common import broken, items, label, openai_client, sampled, texts, tokens
 
 PREVIEW = "computer_use_preview"
 NAME = "computer"
+# The values of `status` with which an answer is whole; endpoints of others may leave it out.
+WHOLE = (None, "", "completed")
 
 
 class OpenAIResponses:
@@ -43,7 +45,14 @@ class OpenAIResponses:
         return client.responses.with_raw_response.create(**arguments, extra_body=extra_body).text
 
     def read(self, answer: Mapping[str, Any]) -> Reply:
-        """Read the items of the answer."""
+        """Read the items of the answer.
+
+        Raises:
+            broken: The model failed, or is not ready.
+        """
+        status = answer.get("status")
+        if status not in WHOLE and status != "incomplete":
+            raise broken(f"is {status!r:.40}", answer.get("error"))
         output = items(answer.get("output"), "output")
         words: list[str] = []
         refused = False
@@ -63,7 +72,14 @@ class OpenAIResponses:
             input_tokens=tokens(usage, "input_tokens"),
             output_tokens=tokens(usage, "output_tokens"),
             refused=refused,
+            cut="" if status in WHOLE else _incomplete_reason(answer),
         )
+
+
+def _incomplete_reason(answer: Mapping[str, Any]) -> str:
+    details = answer.get("incomplete_details")
+    reason = details.get("reason") if isinstance(details, Mapping) else None
+    return str(reason or "incomplete")
 
 
 def _actions(calls: list[Mapping[str, Any]]) -> Iterator[object]:
