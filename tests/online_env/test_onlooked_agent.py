@@ -40,7 +40,7 @@ class Voices:
             self.summed += 1
             return self.summaries.get(self.summed - 1, f"d_{self.summed - 1}")
         self.acted += 1
-        return f"Thought: t_{self.acted - 1}\nAction: hotkey(key='a{self.acted - 1}')"
+        return f"Thought: t_{self.acted - 1}\nAction: hotkey(key='{self.acted - 1}')"
 
 
 def agent(tmp_path, url, onlooker, **keys):
@@ -63,7 +63,7 @@ def summary(step):
 
 def test_what_each_prompt_holds_with_all_modules(tmp_path):
     actions, requests, value = watched(tmp_path, "{}", 4, FINE)
-    assert actions == [[f"pyautogui.press('a{n}')"] for n in range(4)]
+    assert actions == [[f"pyautogui.press('{n}')"] for n in range(4)]
     assert requests == [
         [("user", [CHECK, 0])],
         [("user", [ACTOR, 0])],
@@ -154,7 +154,7 @@ def test_a_reminder_that_remains_stands_in_the_prompt_of_every_step(tmp_path):
     with serving(Voices(LOCKED, LOCKED)) as endpoint:
         result = agent(tmp_path, endpoint.url, "{}")
         actions = [result.predict("do it", picture(shade))[1][0] for shade in range(3)]
-    assert actions == ["REQUEST_REINIT", "pyautogui.press('a0')", "pyautogui.press('a1')"]
+    assert actions == ["REQUEST_REINIT", "pyautogui.press('0')", "pyautogui.press('1')"]
     opening = [body["messages"][0]["content"][0]["text"] for body in endpoint.asked]
     acted = [text for text in opening if text.startswith(ACTOR)]
     assert len(acted) == 2
@@ -163,7 +163,7 @@ def test_a_reminder_that_remains_stands_in_the_prompt_of_every_step(tmp_path):
 
 def test_an_onlooker_that_must_not_ask_reminds_at_once(tmp_path):
     actions, requests, _ = watched(tmp_path, "{reinit: false}", 2, LOCKED)
-    assert actions[0] == ["pyautogui.press('a0')"]
+    assert actions[0] == ["pyautogui.press('0')"]
     assert sum(request == [("user", [CHECK, 0])] for request in requests) == 1
 
 
@@ -173,7 +173,7 @@ def test_a_new_episode_is_checked_anew(tmp_path):
         result.predict("do it", picture(0))
         result.predict("do it", picture(1))
         result.reset()
-        assert result.predict("do it", picture(2))[1] == ["pyautogui.press('a1')"]
+        assert result.predict("do it", picture(2))[1] == ["pyautogui.press('1')"]
     last = endpoint.asked[-1]["messages"]
     assert outline(last) == [("user", [ACTOR, 2])]
     assert "Reminder" not in last[0]["content"][0]["text"]
@@ -188,7 +188,7 @@ def test_the_onlooker_is_told_instruction_action_and_errors_and_nothing_else(tmp
     check, _, summed, _ = (body["messages"][0]["content"] for body in endpoint.asked)
     assert '1. Fire: flames\n   Say: "Run."' in check[0]["text"]
     assert "Task of the agent:\ndo it\n" in summed[0]["text"]
-    assert "Action:\nThought: t_0\nAction: hotkey(key='a0')\n" in summed[0]["text"]
+    assert "Action:\nThought: t_0\nAction: hotkey(key='0')\n" in summed[0]["text"]
     assert [part["type"] for part in summed] == ["text", "image_url", "image_url"]
 
 

@@ -355,8 +355,8 @@ def test_a_file_in_the_source_says_it_by_trajectory(
     """It wins over the records; options hold for what it leaves open."""
     source = with_apps(recording(trajectories=3, steps=1), ["gimp"], platform=lambda row: "windows")
     (source / SIDECAR).write_text(
-        "recordings:\n- {match: t0, apps: [Chromium]}\n- {match: 't[01]', apps: [vlc], platform:"
-        " xfce}\n"
+        "recordings:\n- {match: t0, apps: [Chromium]}\n- {match: t1, apps: [vlc]}\n"
+        "- {match: t2, apps: [gimp], platform: windows}\n- {match: 't?', platform: xfce}\n"
     )
     items = list(read_knowledge(source, "gimp", "macos").complete(get_reader("jsonl").read(source)))
     values = [(item.id, item.apps, item.platform) for item in items if isinstance(item, Trajectory)]

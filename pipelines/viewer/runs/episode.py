@@ -215,8 +215,9 @@ def _step(
     try:
         size = image_size(picture_file(episode.home, line, False))
         step["size"] = [size[1], size[0]]
-        screen = image_size(picture_file(episode.home, line, True))
-        step["boxes"] = _boxes(line.get("boxes"), CoordMap(observation=size, screen=screen))
+        with suppress(FieldError):  # the page says itself that the clean screen is damaged
+            screen = image_size(picture_file(episode.home, line, True))
+            step["boxes"] = _boxes(line.get("boxes"), CoordMap(observation=size, screen=screen))
     except FieldError as error:
         step["lost"] = episode.broken.get(index) or str(error)
     if code:
