@@ -6,8 +6,8 @@ from typing import Any
 from hijack_data.planner import Planner
 from hijack_data.types import Size
 
+from .. import tasks
 from ..environment.core import CorruptedEnv
-from ..tasks import TASKS
 from ..tasks.base import Task
 from .desktop import BrowserDesktop
 from .miniwob import open_miniwob
@@ -37,7 +37,7 @@ def make_browser(
     Raises:
         DesktopError: No browser starts.
     """
-    family = task.family if isinstance(task, Task) else TASKS.get(task).family
+    family = task.family if isinstance(task, Task) else tasks.get(task, 0).family
     stage = open_miniwob(size, task) if family else open_site_tasks(size, task)
     options.setdefault("settle", BrowserDesktop.settle)
     try:

@@ -322,7 +322,7 @@ def test_the_oracle_does_what_nobody_did_before(page: str, miniwob: MiniwobTasks
 def test_the_plan_in_words_is_enough_for_an_agent_that_reads(
     page: str, miniwob: MiniwobTasks
 ) -> None:
-    pytest.importorskip("rapidocr", reason="needs the extra [ocr]")
+    pytest.importorskip("rapidocr", reason=needs.OCR)
     task = task_class(f"miniwob/{page}.html")(3)
     assert task.has_plan
     assert not task.plan(), "the page words the task"

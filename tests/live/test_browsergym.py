@@ -225,7 +225,7 @@ def test_agentlab_plays_its_generic_agent_in_it(
 ) -> None:
     """AgentLab's own loop, a model of its own at an endpoint here; one line makes it corrupted."""
     monkeypatch.setenv("LITELLM_LOCAL_MODEL_COST_MAP", "True")  # asks no host for prices
-    pytest.importorskip("agentlab", reason="needs agentlab, in an environment of its own")
+    pytest.importorskip("agentlab", reason=needs.AGENTLAB)
     from agentlab.agents.generic_agent.agent_configs import FLAGS_GPT_4o
     from agentlab.agents.generic_agent.generic_agent import GenericAgentArgs
     from agentlab.experiments.loop import ExpArgs, get_exp_result

@@ -109,7 +109,7 @@ def test_every_reason_comes_from_there():
             f"reason=needs.{name}"
             for name in (
                 *("ONLINE", "HF", "INSPECT", "RAY", "OCR", "SERVE", "BROWSER", "MCP"),
-                *("PLAYWRIGHT", "WEBSOCKET", "BROWSERGYM"),
+                *("PLAYWRIGHT", "WEBSOCKET", "BROWSERGYM", "AGENTLAB"),
             )
         )
         assert all(reason.endswith(ours) for reason in reasons), path
