@@ -172,7 +172,7 @@ def play(words: Sequence[str], runs: Path) -> None:
 
 def tasks_with_plans() -> list[str]:
     """Return the tasks of the suite that have a plan in words, without which `pixel` ends."""
-    return [task for task in tasks.names() if tasks.get(task).plan()]
+    return [task for task in tasks.names() if tasks.get(task).has_plan]
 
 
 def in_windows(folder: Path) -> list[str]:

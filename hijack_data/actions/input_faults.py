@@ -242,8 +242,8 @@ def moves_from_pointer(calls: Sequence[PyautoguiCall]) -> bool:
             continue
         if "xOffset" in parameters:
             return True
-        given = _bind(call)
-        x, y = given.get("x"), given.get("y")
+        arguments = _bind(call)
+        x, y = arguments.get("x"), arguments.get("y")
         is_place = isinstance(x, tuple) or (x is not None and y is not None)
         # A drag begins where the pointer is.
         begins_placed = is_placed or (is_place and call.function not in _DRAGS)

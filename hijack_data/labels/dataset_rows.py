@@ -302,8 +302,8 @@ def detect_dialect(code: str, action: Action, size: Size, after: Size | None = N
         if _means_action(entries[0] if dialect in DICT_DIALECTS else code, dialect, action, size)
     ]
     resized = next((dialect for dialect in fitting if dialect in RESIZED_DIALECTS), None)
-    other = next((dialect for dialect in fitting if dialect not in RESIZED_DIALECTS), None)
-    if resized and other in FRACTIONS:
+    unresized = next((dialect for dialect in fitting if dialect not in RESIZED_DIALECTS), None)
+    if resized and unresized in FRACTIONS:
         between = _between_models(size, after or (2 * size[0], 2 * size[1]))
         if map_recorded(code, resized, between, between) != code:
             problem = _unclear(code)

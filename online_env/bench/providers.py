@@ -101,11 +101,11 @@ def _check_browser(names: Iterable[str]) -> None:
     from ..browser.chromium import find_program
 
     find_program()
-    others = [name for name in names if not TASKS.get(name).in_browser]
-    if others:
+    unplayable = [name for name in names if not TASKS.get(name).in_browser]
+    if unplayable:
         playable = sorted(name for name in TASKS.entries if TASKS.get(name).in_browser)
         raise ParameterError(
-            f"these tasks need more than a browser: {shorten_list(others, 4)}; play them on a"
+            f"these tasks need more than a browser: {shorten_list(unplayable, 4)}; play them on a"
             f" desktop (desktop: {{provider: {EMBEDDED}}}), or choose of"
             f" {shorten_list(playable, 40)}"
         )

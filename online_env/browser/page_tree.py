@@ -80,11 +80,11 @@ def page_tree(
     lines = [f"<desktop-frame {_NAMESPACES}><application name={quoteattr(APPLICATION)}>"]
     name = quoteattr(_clean(title))
     height, width = (round(side * scale) for side in view)
-    place = (
+    attributes = (
         f'name={name} st:showing="true" st:visible="true" st:enabled="true"'
         f' cp:screencoord="(0, 0)" cp:size="({width}, {height})"'
     )
-    lines += [f"<frame {place}>", f"<document-web {place} />"]
+    lines += [f"<frame {attributes}>", f"<document-web {attributes} />"]
     for node in _read_nodes(snapshot):
         line = _element(node, accessible.get(node.backend, {}), scale, view)
         if line:

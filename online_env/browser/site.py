@@ -1,6 +1,7 @@
 """A site of this machine's that serves a folder to one browser, under a host name of its own."""
 
 import threading
+from collections.abc import Iterable
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,17 @@ class _Handler(SimpleHTTPRequestHandler):
         """Let no browser keep a page: a page that was kept would outlive a network error."""
         self.send_header("Cache-Control", "no-store")
         super().end_headers()
+
+
+def resolver_arguments(hosts: Iterable[str], port: int) -> tuple[str, ...]:
+    """Return the arguments of a browser that finds some hosts at 127.0.0.1, and nothing else.
+
+    Args:
+        hosts: Their names.
+        port: Where they are served.
+    """
+    rules = [f"MAP {host}:80 127.0.0.1:{port}" for host in hosts]
+    return (f"--host-resolver-rules={', '.join([*rules, 'MAP * ~NOTFOUND'])}",)
 
 
 class FolderSite:
@@ -52,8 +64,7 @@ class FolderSite:
     @property
     def arguments(self) -> tuple[str, ...]:
         """Return the arguments of the browser's command line."""
-        rules = f"MAP {self.host}:80 127.0.0.1:{self.port}, MAP * ~NOTFOUND"
-        return (f"--host-resolver-rules={rules}",)
+        return resolver_arguments([self.host], self.port)
 
     def url(self, path: str) -> str:
         """Return the address of a file of the folder."""

@@ -11,13 +11,12 @@ from hijack_data.errors import ParameterError
 from hijack_data.types import Size
 
 from ..embedded.sites.hosts_and_dates import HOSTS
-from ..embedded.sites.state import SITES, SiteState
+from ..embedded.sites.state import SiteState
 from ..environment.stage import Setting, SmallTasks, describe_task
 from ..tasks.base import Task
 from ..tasks.machine import Machine, Snapshot
 from .desktop import BrowserDesktop
-
-_LOOPBACK = IPv4Address("127.0.0.1")
+from .site import resolver_arguments
 
 
 class LocalSites:
@@ -30,7 +29,7 @@ class LocalSites:
     def __init__(self, state: SiteState) -> None:
         from ..embedded.sites.server import bind, web_server  # loads uvicorn
 
-        bound = bind(_LOOPBACK, 0, 0)
+        bound = bind(IPv4Address("127.0.0.1"), 0, 0)
         bound.dns.close()  # the browser resolves names by its own rules
         self._socket = bound.http
         self._server = web_server(state)
@@ -42,9 +41,7 @@ class LocalSites:
     @property
     def arguments(self) -> tuple[str, ...]:
         """Return the arguments of the command line of a browser that reaches nothing else."""
-        port = self._socket.getsockname()[1]
-        rules = [f"MAP {host}:80 {_LOOPBACK}:{port}" for host in HOSTS]
-        return (f"--host-resolver-rules={', '.join([*rules, 'MAP * ~NOTFOUND'])}",)
+        return resolver_arguments(HOSTS, self._socket.getsockname()[1])
 
     def close(self) -> None:
         """End the server."""
@@ -73,14 +70,7 @@ class SiteMachine(Machine):
 
     def clear(self, apps: Iterable[str]) -> None:
         """Forget what the sites have stored."""
-        clear_sites(self.sites)
-
-
-def clear_sites(state: SiteState) -> None:
-    """Forget what was done on the sites."""
-    for site in SITES:
-        with state.update(site) as stored:
-            stored.clear()
+        self.sites.clear()
 
 
 class SiteTasks(SmallTasks):
@@ -125,8 +115,10 @@ class SiteTasks(SmallTasks):
                 f"{chosen_task.name} needs more than a browser; play it on a desktop"
             )
         self._task = None
-        clear_sites(self._state)
-        self._machine = SiteMachine(self._desktop, self._state)
+        self._state.clear()
+        if self._machine is None:
+            self._machine = SiteMachine(self._desktop)
+        self._machine.renew(self._state)
         chosen_task.setup(self._machine)
         self._task = chosen_task
         return describe_task(chosen_task)

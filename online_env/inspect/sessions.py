@@ -22,8 +22,8 @@ from hijack_data.types import Size, UInt8Array
 
 from ..agents.adapters.action_codes import unreadable_action
 from ..bench.config import Bench
-from ..bench.providers import PROVIDERS
-from ..environment import CorruptedEnv, SmallTasks
+from ..bench.workers import open_stage
+from ..environment import CorruptedEnv
 from ..errors import DesktopError
 
 _POLL_S = 0.1  # s between two looks for a free desktop
@@ -77,9 +77,8 @@ class Session:
             DesktopError: The desktop failed before there was a record.
         """
         bench = self._bench
-        provider = PROVIDERS.get(bench.provider)
-        desktop = self._stack.enter_context(provider(bench.size))
-        env = CorruptedEnv(SmallTasks(desktop), settings=bench.settings(self._model))
+        stage = self._stack.enter_context(open_stage(bench, None))
+        env = CorruptedEnv(stage, settings=bench.settings(self._model))
         self._stack.callback(env.close)
         self._env = env
         options = {"task": task, "corruption": bench.planners[label], "label": label}

@@ -314,9 +314,7 @@ class Machine:
             if app in APPS:
                 commands.end(self.desktop, *APPS[app].processes)
         if self._sites is not None:
-            for site in SITES:
-                with self._sites.update(site) as state:
-                    state.clear()
+            self._sites.clear()
         if self._at_first is None:
             return
         new_paths = self.snapshot().files.keys() - self._at_first.files.keys()

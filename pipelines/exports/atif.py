@@ -16,14 +16,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from hijack_data.actions.recorded_actions import holds_several
 from hijack_data.file_io import write_atomic
-from hijack_data.labels.action_formats import own_action
 
 from ..dataset.columns import ACTION
 from ..readers.atif import EXPORT_KEY, TOOL
 from .example import Example, Row, escape_tokens
-from .stored_rows import row_faults
+from .stored_rows import holds_several_actions, row_faults
 
 VERSION = "ATIF-v1.7"
 _ARGUMENTS = {"string": "string", "int32": "integer", "float64": "number"}
@@ -133,7 +131,7 @@ def _following_step(row: Row) -> int | None:
     acting beside a second window, a live desktop would show something else than the recording.
     Where a reply held several actions, the row has the first, and the next screen is that of all.
     """
-    if holds_several(row["action_code"], own_action(row["action"])):
+    if holds_several_actions(row):
         return None
     if row["event"] is None or row_faults(row):
         return int(row["step"]) + 1

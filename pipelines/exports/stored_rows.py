@@ -1,10 +1,13 @@
 """Rows of a dataset for exports: each row, and the PNG of its screenshot."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from hijack_data.actions.input_faults import InputFault
+from hijack_data.actions.recorded_actions import holds_several
+from hijack_data.labels.action_formats import own_action
 from hijack_data.plan import Plan
 
 from ..dataset.image_codec import encode
@@ -24,6 +27,11 @@ def stored_rows(file: Path, lazy: bool) -> Iterator[tuple[Row, Callable[[], byte
     for row, picture in shard_pictures(file):
         row.pop("screenshot")
         yield row, lambda picture=picture: encode(picture)
+
+
+def holds_several_actions(row: Mapping[str, Any]) -> bool:
+    """Return whether the reply of a row holds more actions than the row's own."""
+    return holds_several(row["action_code"], own_action(row["action"]))
 
 
 def row_faults(row: Row) -> tuple[InputFault, ...]:

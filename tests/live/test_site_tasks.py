@@ -35,6 +35,7 @@ def stage() -> Iterator[SiteTasks]:
 def test_the_oracle_does_what_nobody_did_before(name: str, stage: SiteTasks) -> None:
     task = TASKS.get(name)(0)
     stage.reset(task, 0)
+    machine, before = stage.machine, stage.machine.before
     assert stage.evaluate(["DONE"]).score == 0.0
     if task.infeasible:
         with pytest.raises(GiveUpError):
@@ -44,7 +45,9 @@ def test_the_oracle_does_what_nobody_did_before(name: str, stage: SiteTasks) -> 
         task.oracle(Hand(stage.desktop))
         assert stage.evaluate(["DONE"]).score == 1.0
     stage.reset(task, 0)
-    assert stage.evaluate(["DONE"]).score == 0.0, "a reset forgets what the sites stored"
+    assert stage.evaluate(["DONE"]).score == 0.0
+    assert stage.machine is machine, "an agent that was given it keeps it"
+    assert machine.before == before, "a reset forgets what the sites stored"
 
 
 def test_a_plan_in_words_names_no_window(stage: SiteTasks) -> None:

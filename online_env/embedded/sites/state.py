@@ -88,6 +88,12 @@ class SiteState:
                 )
             self._replace(path, data)
 
+    def clear(self) -> None:
+        """Forget what was done on all sites; errors are those of `update`."""
+        for site in SITES:
+            with self.update(site) as state:
+                state.clear()
+
     def _replace(self, path: Path, data: bytes) -> None:
         draft = path.with_suffix(".json.new")
         try:

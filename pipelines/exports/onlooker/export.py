@@ -8,9 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from hijack_data.actions.recorded_actions import holds_several
 from hijack_data.errors import ActionError, ParameterError
-from hijack_data.labels.action_formats import own_action
 
 from ...building.build_options import Progress
 from ...dataset.manifest import is_lazy
@@ -21,7 +19,7 @@ from ...prompts import PROMPTS
 from ..dialects import action_text
 from ..example import Example, Row, check_task, checked_answer, is_hidden
 from ..output_folder import new_folder, write_report
-from ..stored_rows import recorded_faults, row_faults, stored_rows
+from ..stored_rows import holds_several_actions, recorded_faults, row_faults, stored_rows
 from .messages import NONE, chat, reminder_messages, summarise, summary_messages
 from .report import OnlookerReport
 from .sampling import COLUMNS_READ, WITH_REMINDER, OnlookerSampler
@@ -194,7 +192,7 @@ class _Tables:
             ActionError: the dialect cannot express the action, and no code was recorded.
             ParameterError: a value of the action is out of its range, and no code was recorded.
         """
-        if holds_several(row["action_code"], own_action(row["action"])):
+        if holds_several_actions(row):
             return str(row["action_code"])
         try:
             return action_text(row, self.report.dialect)

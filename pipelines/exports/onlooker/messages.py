@@ -7,10 +7,8 @@ import json
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
-from hijack_data.actions.recorded_actions import holds_several
-from hijack_data.labels.action_formats import own_action
-
 from ..example import IMAGE, escape_tokens
+from ..stored_rows import holds_several_actions
 from .screen_change import ScreenChange
 
 _Fields: TypeAlias = Mapping[str, Any]
@@ -58,7 +56,7 @@ def summarise(row: _Fields, event: str | None, change: ScreenChange | None) -> s
     After an event it is unknown which changes the agent caused, so only the event is named.
     """
     action, code = row["action"], row["action_code"]
-    if holds_several(code, own_action(action)):
+    if holds_several_actions(row):
         action = {**action, "type": "other"}  # the screen after shows what all of them did
     parts = [f"The agent {describe_action(action, code)}."]
     if event is not None:

@@ -224,14 +224,14 @@ def _check_keys(kwargs: Mapping[str, Any]) -> None:
     Raises:
         ParameterError: there is such a key.
     """
-    known = [name for name in inspect.signature(HijackLoop.__init__).parameters if name != "self"]
+    names = [name for name in inspect.signature(HijackLoop.__init__).parameters if name != "self"]
     of_verl = {"name", *inspect.signature(AgentLoopBase.__init__).parameters}
     for key in kwargs.keys() - of_verl:
         value = kwargs[key]
         if isinstance(value, bool | int | float | str | list | dict) or OmegaConf.is_config(value):
             raise ParameterError(
                 f"the agent loop's configuration has the key {key!r}, which means"
-                f" nothing{suggest(key, known)}"
+                f" nothing{suggest(key, names)}"
             )
 
 
