@@ -9,11 +9,10 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from hijack_data.errors import HijackError
-from online_env.report.build import build_report, read_report
+from online_env.report.build import build_report, read_report, reports_agree
 from online_env.results import reading
 
 FOLDER = Path(__file__).parent
@@ -59,7 +58,7 @@ def _find_run_problems(submission: Path) -> Iterator[str]:
     if invalid:
         yield f"{invalid} episodes are invalid; hijack bench --resume plays them again"
     stored = read_report(submission / REPORT)
-    if replace(made, run=replace(made.run, name=stored.run.name)) != stored:
+    if not reports_agree(made, stored):
         place = f"submissions/{submission.name}"
         yield (
             f"{REPORT} is not the report of {RUN}/; make it with this version of the library:"

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import math
 import shutil
 import subprocess
 from pathlib import Path
@@ -67,6 +68,19 @@ def test_a_report_that_claims_more_is_found(submission):
     path = submission / "report.json"
     data = json.loads(path.read_text())
     data["summaries"][0]["clean"] = 0.123
+    path.write_text(json.dumps(data))
+    assert check(submission).startswith("report.json is not the report of run/")
+
+
+def test_a_report_of_a_machine_that_rounds_otherwise_can_be_merged(submission):
+    """Intervals of two processors differ in the last digit; anything more is another report."""
+    path = submission / "report.json"
+    data = json.loads(path.read_text())
+    cell = data["cells"][0]
+    cell["ci_low"] = math.nextafter(cell["ci_low"], 1)
+    path.write_text(json.dumps(data))
+    assert check(submission) == ""
+    cell["ci_low"] += 1e-6
     path.write_text(json.dumps(data))
     assert check(submission).startswith("report.json is not the report of run/")
 

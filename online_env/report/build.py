@@ -1,8 +1,10 @@
 """Compute the report of a run from its records."""
 
 from collections.abc import Mapping
+from dataclasses import asdict, replace
+from math import isclose
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from hijack_data.errors import UnknownNameError, suggest
 from hijack_data.runs.run_log import FORMAT as RUN_FORMAT
@@ -27,6 +29,8 @@ from .notes import (
 )
 from .summaries import summarise_agents
 from .unplayable import counted_records, unplayable_note
+
+_ROUNDING = 1e-9  # relative for large numbers, absolute for those near 0
 
 
 def load_report(
@@ -143,6 +147,28 @@ def build_report(
         *report_notes(report, scores.count_partial(run.last_attempts)),
     )
     return RunReport(**{**vars(report), "notes": notes})
+
+
+def reports_agree(first: RunReport, second: RunReport) -> bool:
+    """Return whether two reports of a run say the same, wherever the run and its reports were made.
+
+    The name of the run's folder does not count. Numbers may differ by `_ROUNDING`: the last digit
+    of an interval depends on the processor, for which the C library chooses its logarithm.
+    """
+    renamed = replace(second, run=replace(second.run, name=first.run.name))
+    return _are_equal(asdict(first), asdict(renamed))
+
+
+def _are_equal(first: object, second: object) -> bool:
+    if isinstance(first, float) and isinstance(second, float):
+        return isclose(first, second, rel_tol=_ROUNDING, abs_tol=_ROUNDING)
+    if isinstance(first, dict) and isinstance(second, dict):
+        left, right = cast("dict[str, object]", first), cast("dict[str, object]", second)
+        return left.keys() == right.keys() and all(_are_equal(left[k], right[k]) for k in left)
+    if isinstance(first, list | tuple) and isinstance(second, list | tuple):
+        items, others = cast("list[object]", first), cast("list[object]", second)
+        return len(items) == len(others) and all(map(_are_equal, items, others))
+    return first == second
 
 
 def _parts(run: Run) -> list[Mapping[str, Any]]:
