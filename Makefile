@@ -31,7 +31,7 @@ unexport PYTHONDONTWRITEBYTECODE
 help:  ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/^([a-z-]+):.*## /  make \1\t/' | expand -t 18
 
-env: $(VENV)/.ready  ## Create .venv with everything in it (about two minutes, once)
+env: $(VENV)/.ready  ## Create .venv with everything in it (one or two minutes, once)
 light: $(VENV)/.light
 live: $(VENV)/.live
 
