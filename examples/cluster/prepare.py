@@ -1,8 +1,9 @@
 """Write what verl reads: the rows of the training tasks, and an agent file that names the servers.
 
-python examples/cluster/prepare.py SERVER,SERVER... OUT [TASKS.txt]
+python examples/cluster/prepare.py SERVER,SERVER... OUT [TASKS.txt [SPLIT]]
 
-The tasks are the suite's, or those that `hijack serve osworld ... --dry-run` has listed in a file.
+The tasks are the suite's, or those that `hijack serve osworld ... --dry-run` has listed in a file;
+SPLIT is the `--osworld-split` of that command.
 """
 
 import sys
@@ -29,12 +30,15 @@ def main() -> None:
     settings = loops[0]["environment_args"]
     settings["addresses"] = servers
     training, held_out = members("suite/training"), members("suite/held_out")
+    split = sys.argv[4] if len(sys.argv) > 4 else "osworld"
     if len(sys.argv) > 3:
         settings["size"] = OSWORLD_SIZE
         training = Path(sys.argv[3]).read_text().split()
-        held_out = members("osworld/held_out")
+        held_out = members(f"{split}/held_out")
     (out / "agent.yaml").write_text(yaml.safe_dump(loops, sort_keys=False))
-    count = write_rows(out / "train.parquet", training, HOW, evaluation=held_out)
+    count = write_rows(
+        out / "train.parquet", training, HOW, evaluation=held_out, osworld_split=split
+    )
     write_evaluation_rows(out / "val.parquet", held_out, HOW, corruption="clean")
     print(f"{out}: {count} training tasks, {len(held_out)} held out, {len(servers)} servers")
 

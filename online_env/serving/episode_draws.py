@@ -58,6 +58,7 @@ class EpisodeDraws:
         seed: The seed of all draws.
         clean: The share of clean episodes; by default each condition is as likely as the others.
         held_out: Tasks that are refused because results are reported on them.
+        osworld_split: As in `sides`.
 
     Raises:
         ParameterError: There are no tasks, `clean` does not fit the corruptions, or `seed` is out
@@ -74,9 +75,13 @@ class EpisodeDraws:
         seed: int = 0,
         clean: float | None = None,
         held_out: Iterable[str] = (),
+        osworld_split: str = "osworld",
     ) -> None:
         checked_seed(seed)
         self.tasks = tuple(tasks)
+        self.sides = {
+            side: names for side, names in sides(self.tasks, osworld_split).items() if names
+        }
         self.planners = dict(planners)
         self.held_out = frozenset(held_out)
         if not self.tasks:
@@ -185,13 +190,15 @@ class EpisodeDraws:
             return slot
 
 
-def sides(tasks: Iterable[str]) -> dict[str, tuple[str, ...]]:
+def sides(tasks: Iterable[str], osworld_split: str = "osworld") -> dict[str, tuple[str, ...]]:
     """Return tasks by their side of the split; tasks of your own count as training.
 
-    The suite's tasks and OSWorld's are split.
+    Args:
+        tasks: The names of tasks; the suite's tasks and OSWorld's are split.
+        osworld_split: The split of OSWorld's tasks: `osworld`, or `agenthijack`, the authors'.
     """
     split = importlib.import_module("pipelines.train.split")  # as the sampler, an exception
-    held_out = {*split.members(f"suite/{HELD_OUT}"), *split.members(f"osworld/{HELD_OUT}")}
+    held_out = {*split.members(f"suite/{HELD_OUT}"), *split.members(f"{osworld_split}/{HELD_OUT}")}
     names = tuple(tasks)
     return {
         TRAINING: tuple(name for name in names if name not in held_out),

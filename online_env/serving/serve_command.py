@@ -36,6 +36,7 @@ OPENENV = "0.10"
         "lease",
         "line",
         "max_steps",
+        "osworld_split",
         "per",
         "sessions",
         "size",
@@ -57,6 +58,13 @@ OPENENV = "0.10"
     "--evaluation",
     is_flag=True,
     help="Serve held-out tasks as well: for scoring, never for training.",
+)
+@click.option(
+    "--osworld-split",
+    type=click.Choice(("osworld", "agenthijack")),
+    default="osworld",
+    show_default=True,
+    help="Whose tasks of OSWorld are held out: ours, or all but the 128 of the paper's authors.",
 )
 @click.option(
     "--per",
@@ -125,6 +133,7 @@ def serve(
     osworld_files: str | None,
     unplayable: str,
     evaluation: bool,
+    osworld_split: str,
     per: str,
     clean: float | None,
     seed: int,
@@ -170,6 +179,7 @@ def serve(
         port=port,
         token=token,
         is_evaluation=evaluation,
+        osworld_split=osworld_split,
         per=per,
         clean=clean,
         seed=seed,

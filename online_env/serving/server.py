@@ -52,6 +52,8 @@ class ServeOptions:
         port: 0 takes a free one.
         token: What clients have to send; `None` for nothing.
         is_evaluation: Whether held-out tasks are served as well.
+        osworld_split: Whose held-out tasks of OSWorld these are: `osworld` for ours, `agenthijack`
+            for all but the 128 on which the paper's authors train.
         per: As in `CorruptionSampler`.
         clean: The share of clean episodes; `None` for that of one condition among all.
         seed: Of all draws.
@@ -68,6 +70,7 @@ class ServeOptions:
     port: int = 8000
     token: str | None = None
     is_evaluation: bool = False
+    osworld_split: str = "osworld"
     per: str = "rollout"
     clean: float | None = None
     seed: int = 0
@@ -83,7 +86,7 @@ class ServeOptions:
         Raises:
             HeldOutTaskError: All tasks are held out.
         """
-        split = sides(self.bench.tasks)
+        split = sides(self.bench.tasks, self.osworld_split)
         tasks = self.bench.tasks if self.is_evaluation else split[TRAINING]
         if not tasks and split[HELD_OUT]:
             raise HeldOutTaskError(
@@ -97,6 +100,7 @@ class ServeOptions:
             seed=self.seed,
             clean=self.clean,
             held_out=() if self.is_evaluation else split[HELD_OUT],
+            osworld_split=self.osworld_split,
         )
 
 

@@ -9,7 +9,7 @@ from collections.abc import Generator
 from dataclasses import dataclass, field
 
 from ..environment import CorruptedEnv, EvalSettings
-from .episode_draws import EpisodeChoice, EpisodeDraws, sides
+from .episode_draws import EpisodeChoice, EpisodeDraws
 from .metrics import ServerMetrics
 from .pool import DesktopPool, DesktopSeat
 
@@ -71,7 +71,7 @@ class DesktopService:
         self.draws = draws
         self.settings = settings
         self.lease = lease
-        self.splits = {side: names for side, names in sides(draws.tasks).items() if names}
+        self.splits = draws.sides
         self.metrics = metrics or ServerMetrics(pool)
         self._numbers = itertools.count(1)
         self._leases: set[DesktopLease] = set()

@@ -26,6 +26,7 @@ from online_env.serving.server import TOKEN, ServeOptions, make_service, overrid
 from online_env.serving.sessions import DesktopSession
 from online_env.tasks import task_sets
 from online_env.tasks.machines import MachineSettings
+from pipelines.train import split
 
 from support.episodes import CLICK
 from support.live import Marking
@@ -428,6 +429,16 @@ def test_servers_are_for_training_unless_they_are_told_otherwise():
         "training": ("of_mine",),
         "held_out": ("copy_folder",),
     }
+
+
+def test_the_authors_training_tasks_of_osworld_are_served_where_that_split_is_chosen():
+    theirs, held_out = split.members("agenthijack/training"), split.members("agenthijack/held_out")
+    bench = Bench(tasks=(*theirs, *held_out))
+    draws = ServeOptions(bench=bench, osworld_split="agenthijack").draws()
+    assert draws.tasks == theirs
+    assert draws.held_out == set(held_out)
+    assert draws.sides == {"training": theirs}
+    assert not set(theirs) <= set(ServeOptions(bench=bench).draws().tasks)
 
 
 def test_nothing_to_draw_is_an_error():
