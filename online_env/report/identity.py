@@ -33,7 +33,7 @@ NINE = (
     "verification",
 )
 _LABEL_KEY = "as"
-_OLD_ORDER = "after_setup"  # of the runs whose configuration does not say it
+FIRST_ERROR_ORDER = "after_setup"  # of the runs whose configuration does not say it
 # The fields of a setting that every run has, if only as `None`.
 _SETTING = (
     "kind",
@@ -238,8 +238,8 @@ def _setting(run: Run) -> dict[str, Any]:
         for key, value in config.items()
         if value and key not in (*_SETTING, *_NO_SETTING)
     }
-    order = config.get("environment_errors", _OLD_ORDER)
-    if order != _OLD_ORDER:
+    order = config.get("environment_errors", FIRST_ERROR_ORDER)
+    if order != FIRST_ERROR_ORDER:
         setting["environment_errors"] = order
     if config.get("unplayable_score") is not None:  # these tasks are in all denominators
         tasks = config.get("unplayable")
