@@ -196,7 +196,7 @@ def certify(
         raise CertificateError(
             f"{run.folder}: {len(tasks.missing)} cases have no score, such as"
             f" {shorten_list(tasks.missing, 3)}; play them again, or count them as lost with"
-            " --missing-as-lost, which can only lower the bound"
+            " --missing-as-lost, which can only lower the retention"
         )
     least = math.floor(bound * 10**DIGITS) / 10**DIGITS
     distribution = tuple(_disturbances(run, shares))

@@ -4,11 +4,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hijack_data.errors import shorten_list
+
 from ..extra import require
 from ..results import scores
 from ..results.reading import Run
 from . import formatting
-from .identity import run_identity
+from .identity import run_identity, task_code
 from .model import ReportError, RunIdentity
 from .notes import partial_note
 from .unplayable import counted_records
@@ -216,6 +218,13 @@ def _notes(
         listed = ", ".join(differing)
         yield (
             f"The runs differ in their settings, too ({listed}), first in this: {first_difference}."
+        )
+    codes = task_code(before.config), task_code(after.config)
+    other_files = [name for name in {**codes[0], **codes[1]} if _differs(name, *codes)]
+    if other_files:
+        yield (
+            f"Other files define {shorten_list(other_files)} in {names[0]} than in {names[1]}:"
+            " what differs may be the task, not the agent."
         )
     yield from partial_note(
         scores.count_partial(before.last_attempts) + scores.count_partial(after.last_attempts)

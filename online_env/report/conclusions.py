@@ -9,6 +9,7 @@ from hijack_data.errors import quantity
 from hijack_data.plan import CLEAN
 
 from ..results.intervals import TOLERANCE
+from ..results.scores import can_infer
 from . import formatting
 from .model import AgentSummary, Cell, RunReport
 
@@ -111,7 +112,8 @@ def _significance(cells: Sequence[Cell]) -> str:
     losses = [cell for cell in cells if (cell.delta or 0.0) < -TOLERANCE]
     gains = [cell for cell in cells if (cell.delta or 0.0) > TOLERANCE]
     if any(cell.p is None for cell in cells):
-        return "whether this is chance is not known without scipy"
+        lack = "with a single task" if can_infer() else "without scipy"
+        return f"whether this is chance is not known {lack}"
     shown_count = sum(_is_shown(cell) for cell in losses)
     parts = [_count_losses(len(losses), shown_count)] if losses else []
     shown_gains = [cell.corruption for cell in gains if _is_shown(cell)]

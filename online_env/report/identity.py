@@ -12,7 +12,7 @@ from hijack_data.config_files import available
 from hijack_data.corruption import find_corruption, make_corruption
 from hijack_data.errors import HijackError
 from hijack_data.runs.amounts import is_amount
-from hijack_data.runs.run_log import RUN, sha256_hex
+from hijack_data.runs.run_log import RUN, UNTIL_RETENTION, sha256_hex
 
 from ..results import scores
 from ..results.episode_columns import EpisodeColumns
@@ -33,8 +33,8 @@ NINE = (
     "verification",
 )
 _LABEL_KEY = "as"
-_OLD_ORDER = "after_setup"  # of the runs whose configuration does not say it
-# The fields of a configuration that, apart from the agent, decide scores.
+FIRST_ERROR_ORDER = "after_setup"  # of the runs whose configuration does not say it
+# The fields of a setting that every run has, if only as `None`.
 _SETTING = (
     "kind",
     "content",
@@ -48,6 +48,29 @@ _SETTING = (
     "seeds",
     "max_steps",
     "recovery",
+)
+# The fields that do not decide scores, and those that `_setting` puts in its own form. All others
+# belong to the setting, those that later versions add included.
+_NO_SETTING = frozenset(
+    {
+        "source",
+        "agents",
+        "code",
+        "environment_errors",
+        "retries",
+        "agent_timeout",
+        "episode_timeout",
+        "timeout",
+        "osworld_files",
+        "in_process",
+        "agent_memory",
+        "unscored",
+        "unpaired",
+        "unchanged",
+        "unplayable",
+        "unplayable_score",
+        UNTIL_RETENTION,
+    }
 )
 
 
@@ -65,7 +88,7 @@ def run_identity(run: Run) -> RunIdentity:
         kind=str(config.get("kind", "bench")),
         source=_source_name(str(config.get("source", ""))),
         head_sha256=_head_digest(run),
-        setting_sha256=_setting_digest(config),
+        setting_sha256=_setting_digest(run),
         created=float(created) if is_amount(created) and created < YEAR_10000 else None,
         versions=_texts(head.get("versions")),
         provider=str(desktop.get("provider", "")) if isinstance(desktop, dict) else "",
@@ -202,20 +225,35 @@ def _has_head(run: Run) -> bool:
     return run.config.get("kind") != RESULTS and (run.folder / RUN).exists()
 
 
-def _setting_digest(config: Mapping[str, Any]) -> str:
+def _setting_digest(run: Run) -> str:
+    return sha256_hex(json.dumps(_setting(run), sort_keys=True).encode())
+
+
+def _setting(run: Run) -> dict[str, Any]:
+    """Return what decides the scores of a run apart from its agents, as JSON data."""
+    config = run.config
     setting = {key: config.get(key) for key in _SETTING}
-    order = config.get("environment_errors", _OLD_ORDER)
-    if order != _OLD_ORDER:
+    setting |= {
+        key: value
+        for key, value in config.items()
+        if value and key not in (*_SETTING, *_NO_SETTING)
+    }
+    order = config.get("environment_errors", FIRST_ERROR_ORDER)
+    if order != FIRST_ERROR_ORDER:
         setting["environment_errors"] = order
-    if config.get("guard"):  # a guarded agent is ranked with guarded agents
-        setting["guard"] = config["guard"]
-    code = _task_code(config)
+    if config.get("unplayable_score") is not None:  # these tasks are in all denominators
+        tasks = config.get("unplayable")
+        setting["unplayable"] = sorted(tasks) if isinstance(tasks, dict) else tasks
+        setting["unplayable_score"] = config["unplayable_score"]
+    if config.get(UNTIL_RETENTION):  # the end decides which tasks were played
+        setting[UNTIL_RETENTION] = [config[UNTIL_RETENTION], len(run.episodes)]
+    code = task_code(config)
     if code:
         setting["code"] = code
-    return sha256_hex(json.dumps(setting, sort_keys=True).encode())
+    return setting
 
 
-def _task_code(config: Mapping[str, Any]) -> dict[str, Any]:
+def task_code(config: Mapping[str, Any]) -> dict[str, Any]:
     """Return the SHA-256 of each file that a task or the provider is in, by name.
 
     Two runs may have tasks of one name from files that differ.

@@ -26,6 +26,7 @@ RULE = (
 PICTURES = "instruction and pictures"
 _SKIPPED = (EPISODES, "requests", ".git")
 _SUFFIX = "report.json"
+_DIGITS = 9  # means that agree in them are equal: a mean of 0.1 and 0.2 is not that of 0.3 and 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,17 +245,17 @@ def _make_ranking(group: Sequence[tuple[str, RunReport]]) -> Ranking:
     rows = [(path, report, row) for path, report in group for row in report.summaries]
     rows.sort(key=lambda entry: _sort_key(entry[2]), reverse=True)
     reasons = [_unranked_reason(report, row) for _, report, row in rows]
-    ranked: dict[str, list[float | None]] = {}
+    ranked: dict[str, list[float]] = {}
     for (_, _, row), reason in zip(rows, reasons, strict=True):
         if not reason:
-            ranked.setdefault(_inputs(row), []).append(row.corrupted)
+            ranked.setdefault(_inputs(row), []).append(_rounded(row.corrupted))
     lines: list[Standing] = []
     for (path, report, row), reason in zip(rows, reasons, strict=True):
         success = [_success(report, row.agent, label) for label in fullest.labels]
         rivals = ranked.get(_inputs(row), [])
         lines.append(
             Standing(
-                rank=None if reason else 1 + rivals.index(row.corrupted),
+                rank=None if reason else 1 + rivals.index(_rounded(row.corrupted)),
                 reason=reason,
                 inputs=_inputs(row),
                 rivals=len(rivals),
@@ -280,10 +281,12 @@ def _inputs(row: AgentSummary) -> str:
 
 
 def _sort_key(row: AgentSummary) -> tuple[float, float]:
-    return (
-        -1.0 if row.corrupted is None else row.corrupted,
-        -1.0 if row.clean is None else row.clean,
-    )
+    return _rounded(row.corrupted), _rounded(row.clean)
+
+
+def _rounded(mean: float | None) -> float:
+    """Return a mean without what rounding makes of equal means; -1 if there is none."""
+    return -1.0 if mean is None else round(mean, _DIGITS)
 
 
 def _unranked_reason(report: RunReport, row: AgentSummary) -> str:

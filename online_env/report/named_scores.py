@@ -1,6 +1,6 @@
 """The scores of a report by name, for release gates."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from types import MappingProxyType
 
 from .model import AgentSummary, Cell, RunReport
@@ -44,24 +44,29 @@ def scores_by_name(report: RunReport) -> Mapping[str, float]:
     left out.
 
     If a run has several agents, a name means the least of their values, or the greatest of those
-    where less is better, so that a limit holds for every agent. `REFERENCE_AGENTS` do not count,
-    unless a run has no others. `AGENT/retention` is that of one agent, whichever it is.
+    where less is better, so that a limit holds for every agent; it is left out if one of them has
+    no such value. `REFERENCE_AGENTS` do not count, unless a run has no others. `AGENT/retention`
+    is that of one agent, whichever it is.
     """
     agent_scores = {row.agent: dict(_agent_scores(report, row)) for row in report.summaries}
     judged = [agent for agent in agent_scores if agent not in REFERENCE_AGENTS] or list(
         agent_scores
     )
-    worst_scores: dict[str, float] = {}
+    values_by_name: dict[str, list[float]] = {}
     for agent in judged:
         for name, value in agent_scores[agent].items():
-            worse = _worse(name)
-            worst_scores[name] = worse(worst_scores.get(name, value), value)
+            values_by_name.setdefault(name, []).append(value)
+    worst_scores = {
+        name: _worse(name)(values)
+        for name, values in values_by_name.items()
+        if len(values) == len(judged)
+    }
     for agent, values in agent_scores.items():
         worst_scores.update({f"{agent}/{name}": value for name, value in values.items()})
     return MappingProxyType(worst_scores)
 
 
-def _worse(name: str) -> Callable[[float, float], float]:
+def _worse(name: str) -> Callable[[Iterable[float]], float]:
     return max if name.partition(".")[0] in LOWER_IS_BETTER else min
 
 

@@ -146,7 +146,7 @@ def report(
         return
     run = options.read(sources, partial(_read, seeds=seeds))
     if as_json:
-        _output(json.dumps(terminal.score_rows(run, run.records), indent=1) + "\n", out)
+        _output(json.dumps(terminal.score_rows(run), indent=1) + "\n", out)
         raise SystemExit(_finish(run))
     format = _format(format_name, out, beside)
     if format == TERMINAL and out is None:

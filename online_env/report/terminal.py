@@ -18,7 +18,7 @@ from hijack_data.plan import CLEAN
 
 from ..results import costs, scores
 from ..results.outcomes import RESULTS
-from ..results.reading import ResultRecord, Run
+from ..results.reading import Run
 from . import formatting
 from .build import build_report
 from .comparison import RunComparison
@@ -39,6 +39,7 @@ from .tables import (
     main_figures,
     paper_rows,
 )
+from .unplayable import counted_records
 
 _MAIN = ("n", ("success", "95 %"), ("delta", "95 %", "p"), "retention", ("errors", "invalid"))
 _FURTHER_HEADINGS = (
@@ -76,9 +77,11 @@ class RunDetails:
     has_infeasible: bool = False
 
 
-def score_rows(run: Run, records: Sequence[ResultRecord]) -> list[scores.ScoreRow]:
+def score_rows(run: Run) -> list[scores.ScoreRow]:
     """Return the rows of the report's table, in the order of the configuration."""
-    return scores.rows(records, agent_names(run.config), list(corruptions_by_label(run.config)))
+    return scores.rows(
+        counted_records(run), agent_names(run.config), list(corruptions_by_label(run.config))
+    )
 
 
 def show(

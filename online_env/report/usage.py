@@ -1,6 +1,6 @@
 """An agent's usage: actions, seconds, tokens and money, from the records of its episodes."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from math import isnan, nan
 from statistics import fmean
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 
 from hijack_data.runs.amounts import is_amount
 
-from ..results.costs import COUNTS, has_counts
+from ..results.costs import COUNTS, has_counts, lacks_counts
 from ..results.episode_columns import CellEpisodes
 from ..results.reading import ResultRecord
 from ..results.scores import counts
@@ -19,8 +19,8 @@ def means(last: Iterable[ResultRecord], attempts: Iterable[ResultRecord]) -> dic
     """Return the usage fields of a cell, by name.
 
     Steps, seconds and malformed actions cover the episodes that count for the agent. Tokens and
-    money cover all attempts, since all were paid for; they are known only if every episode with
-    counts has them.
+    money cover all attempts, since all were paid for; they are known only if every attempt in which
+    the agent acted has them: a part would pass for the whole.
 
     Args:
         last: The last attempt at each case.
@@ -29,11 +29,16 @@ def means(last: Iterable[ResultRecord], attempts: Iterable[ResultRecord]) -> dic
     finished = [record for record in last if counts(record)]
     steps = [record["steps"] for record in finished if is_amount(record.get("steps"))]
     seconds = [record["seconds"] for record in finished if is_amount(record.get("seconds"))]
-    broken = [record["malformed"] for record in finished if is_amount(record.get("malformed"))]
+    parsed = [
+        (record["malformed"], record["steps"])
+        for record in finished
+        if is_amount(record.get("malformed")) and is_amount(record.get("steps"))
+    ]
+    broken, actions = map(sum, zip(*parsed, strict=True)) if parsed else (0, 0)
     values: dict[str, Any] = {
         "steps": fmean(steps) if steps else None,
         "seconds": fmean(seconds) if seconds else None,
-        "malformed": sum(broken) / sum(steps) if broken and sum(steps) else None,
+        "malformed": broken / actions if actions else None,
     }
     return values | _tokens(attempts)
 
@@ -58,16 +63,12 @@ def column_means(cells: Sequence[CellEpisodes]) -> dict[str, Any]:
 
 
 def _tokens(records: Iterable[ResultRecord]) -> dict[str, Any]:
-    usages: list[Mapping[str, Any]] = []
-    for record in records:
-        usage = record.get("usage")
-        if isinstance(usage, Mapping):
-            usages.append(usage)
-    complete = [usage for usage in usages if has_counts(usage)]
-    if not complete:
+    attempts = list(records)
+    usages = [record["usage"] for record in attempts if has_counts(record.get("usage"))]
+    if not usages or any(map(lacks_counts, attempts)):
         return {}
-    values: dict[str, Any] = {key: sum(usage[key] for usage in complete) for key in COUNTS}
-    prices = [usage.get("usd") for usage in complete]
+    values: dict[str, Any] = {key: sum(usage[key] for usage in usages) for key in COUNTS}
+    prices = [usage.get("usd") for usage in usages]
     if all(is_amount(price) for price in prices):
         values["usd"] = float(sum(filter(is_amount, prices)))
     return values

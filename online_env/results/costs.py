@@ -1,12 +1,13 @@
 """The cost of the models of a run, computed from its records."""
 
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hijack_data.errors import quantity
 from hijack_data.runs.amounts import is_amount, is_count
 
 from ..errors import CostLimitError
+from .record_score import counts
 
 COUNTS = ("requests", "input_tokens", "output_tokens")
 
@@ -67,31 +68,28 @@ def total_cost(records: Sequence[Mapping[str, Any]]) -> float:
 
 def usage_line(records: Sequence[Mapping[str, Any]]) -> str:
     """Return the usage of all episodes in words; empty if their agents do not count it."""
-    usages = list(_full_usages(records))
+    counting = {record["agent"] for record in records if has_counts(record.get("usage"))}
+    played = [record for record in records if record["agent"] in counting]
+    usages = [record["usage"] for record in played if has_counts(record.get("usage"))]
     if not usages:
         return ""
-    totals: Counter[str] = Counter()
-    for usage in usages:
-        for key in COUNTS:
-            totals[key] += usage[key]
-    requests, tokens_read, tokens_written = [totals[key] for key in COUNTS]
+    requests, tokens_read, tokens_written = (sum(usage[key] for usage in usages) for key in COUNTS)
     has_prices = all(is_amount(usage.get("usd")) for usage in usages)
     cost = "price not known" if not has_prices else f"{total_cost(records):.2f} USD"
+    silent = sum(map(lacks_counts, played))
+    gap = f", without {quantity(silent, 'episode')} of unknown usage" if silent else ""
     return (
         f"models: {requests} requests, {tokens_read} tokens read, {tokens_written} written, {cost}"
+        f"{gap}"
     )
 
 
-def _full_usages(records: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
-    """Yield the usage of the records that have all our counts."""
-    for record in records:
-        usage = record.get("usage")
-        if not isinstance(usage, Mapping):
-            continue
-        if has_counts(usage):
-            yield usage
+def lacks_counts(record: Mapping[str, Any]) -> bool:
+    """Return whether an agent acted in an episode, and its record does not say what that took."""
+    has_acted = counts(dict(record)) or bool(record.get("steps"))
+    return has_acted and not has_counts(record.get("usage"))
 
 
-def has_counts(usage: Mapping[str, Any]) -> bool:
-    """Return whether the counts of requests and tokens are present, as integers."""
-    return all(is_count(usage.get(key)) for key in COUNTS)
+def has_counts(usage: Any) -> bool:
+    """Return whether a usage has the counts of requests and tokens, as integers."""
+    return isinstance(usage, Mapping) and all(is_count(usage.get(key)) for key in COUNTS)

@@ -87,11 +87,7 @@ class Run:
         """The last record of each case: agent, condition, task, the task's seed and the seed."""
         if isinstance(self.records, EpisodeColumns):
             return self.records
-        cases = {
-            (r["agent"], r["corruption"], r["task"], r.get("task_seed"), r["seed"]): r
-            for r in self.records
-        }
-        return list(cases.values())
+        return list({_case(record): record for record in self.records}.values())
 
     @cached_property
     def failures(self) -> list[ResultRecord]:
@@ -157,7 +153,7 @@ def read(folder: Path) -> Run:
     run = Run(
         folder=folder,
         config=cast("Mapping[str, Any]", head.get("config") or {}),
-        records=records,
+        records=_order_attempts(records),
         damaged=damaged,
         episodes=tuple(head.get("episodes") or ()),
     )
@@ -188,8 +184,14 @@ def with_first_seeds(run: Run, count: int) -> Run:
     A run that is played seed by seed so gives an even table before its last seed is complete.
 
     Raises:
-        RunError: The run has no such seeds, or the seed of a planned episode cannot be told.
+        RunError: The run has no such seeds, ended at a bound over all of them, or the seed of a
+            planned episode cannot be told.
     """
+    if run.config.get(UNTIL_RETENTION):
+        raise RunError(
+            f"{run.folder}: was to end at a retention over all its seeds, of which a part says"
+            " nothing; report it with all seeds"
+        )
     listed = run.config.get("seeds")
     seeds = [seed for seed in listed if isinstance(seed, int)] if isinstance(listed, list) else []
     seeds_kept = [seed for seed in seeds if seed < count]
@@ -259,7 +261,31 @@ def _read_episodes(folder: Path) -> Run:
         else:
             continue
         damaged.append(Damage(1, problem, str(path.relative_to(folder))))
-    return Run(folder=folder, records=records, damaged=damaged)
+    return Run(folder=folder, records=_order_attempts(records), damaged=damaged)
+
+
+def _case(record: ResultRecord) -> tuple[str, str, str, Any, int]:
+    """Return what the attempts at an episode have in common."""
+    keys = ("agent", "corruption", "task", "task_seed", "seed")
+    return cast("Any", tuple(map(record.get, keys)))
+
+
+def _order_attempts(records: Sequence[ResultRecord]) -> list[ResultRecord]:
+    """Return records with the attempts at each case in their order, of which the last one counts.
+
+    Lines may have been sorted or joined, and folders are sorted by name: `a10` before `a2`.
+    """
+    places: dict[tuple[str, str, str, Any, int], list[int]] = {}
+    for place, record in enumerate(records):
+        places.setdefault(_case(record), []).append(place)
+    ordered = list(records)
+    for case_places in places.values():
+        attempts = sorted(
+            (records[place] for place in case_places), key=lambda r: r.get("attempt") or 0
+        )
+        for place, record in zip(case_places, attempts, strict=True):
+            ordered[place] = record
+    return ordered
 
 
 def read_record(path: Path) -> ResultRecord:

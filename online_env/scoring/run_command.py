@@ -125,7 +125,7 @@ def _counts_text(remaining: Mapping[str, Sequence[Case]]) -> str:
 def _rows(run: records.Run) -> list[dict[str, Any]]:
     """Return the rows of the report, with the parts of each."""
     parts = {(row["agent"], row["corruption"]): row for row in part_rows(run.records)}
-    rows = score_rows(run, run.records)
+    rows = score_rows(run)
     joined = [{**parts.pop((row["agent"], row["corruption"]), {}), **row} for row in rows]
     return [*joined, *parts.values()]
 

@@ -25,6 +25,7 @@ from hijack_data.runs.run_planners import read_planners
 from ..bench.config import KEYS
 from ..report.app_success import record_app
 from ..report.causes import LostEpisode, find_lost
+from ..report.identity import FIRST_ERROR_ORDER
 from ..report.model import ReportError
 from ..results import reading
 from ..results.scores import group_records, task_name
@@ -119,7 +120,9 @@ def write_groups(folder: Path, out: Path) -> None:
     planners = read_planners(run.config["corruptions"])
     counts, episodes = find_lost(run, group_records(run.records))
     disturbed = sum(count.disturbed for count in counts)
-    echo(f"{quantity(len(episodes), 'episode')} lost of {disturbed} disturbed")
+    unknown = sum(count.unknown for count in counts)
+    gap = f"; of {unknown} it is not known, because their steps are not there" if unknown else ""
+    echo(f"{quantity(len(episodes), 'episode')} lost of {disturbed} disturbed{gap}")
     groups = group_lost(episodes, planners)
     make_folder(out)
     for number, group in enumerate(groups, 1):
@@ -138,7 +141,8 @@ def _to_yaml(
     """Return the configuration of a benchmark that plays the episodes of a group again."""
     corrupting = {label: planners[label] for label in group.labels}
     listed = dump({label: planner for label, planner in corrupting.items() if planner is not None})
-    settings = {key: config[key] for key in KEYS if key in config}
+    settings = {"environment_errors": FIRST_ERROR_ORDER}
+    settings |= {key: config[key] for key in KEYS if key in config}
     settings |= {
         "agents": [group.key[0]],
         "tasks": group.tasks,

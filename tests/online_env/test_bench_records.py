@@ -333,6 +333,10 @@ def record_with_usage(**more):
         ),
         (
             [record_with_usage(usd=0.5), made("a", "t")],
+            "2 requests, 10 tokens read, 3 written, 0.50 USD, without 1 episode of unknown usage",
+        ),
+        (
+            [record_with_usage(usd=0.5), made("oracle", "t")],
             "2 requests, 10 tokens read, 3 written, 0.50 USD",
         ),
         ([record_with_usage(usd=1, requests=True)], ""),

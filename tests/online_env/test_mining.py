@@ -57,7 +57,8 @@ def test_a_run_becomes_benchmarks(tmp_path: Any, capsys: Any) -> None:
     main_code = main_exit(["mine", str(run), "-o", str(tmp_path / "lost")])
     assert main_code == 0
     printed = capsys.readouterr().out
-    assert "2 episodes lost of 2 disturbed" in printed
+    # Whether a picture was changed is in the steps, which are not there.
+    assert "2 episodes lost of 2 disturbed; of 2 it is not known, because their" in printed
     assert "needs --guard rules again" in printed
     (file,) = (tmp_path / "lost").iterdir()
     text = file.read_text()
@@ -66,6 +67,7 @@ def test_a_run_becomes_benchmarks(tmp_path: Any, capsys: Any) -> None:
     assert "\n# with hijack bench --guard rules\n" in text
     bench = load_bench(file)
     assert (bench.agents, bench.seeds, bench.max_steps) == (("oracle",), (3,), 30)
+    assert bench.environment_errors == "after_setup", "as in runs that do not say it"
     assert set(bench.tasks) == {"write_note", "rename_file"}
     assert bench.planners == {"clean": None, "locked": hj.Verification()}
     assert main_exit(["mine", str(run), "-o", str(tmp_path / "lost")]) == 2

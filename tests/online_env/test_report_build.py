@@ -212,6 +212,19 @@ def test_errors_invalid_and_what_was_used(tmp_path):
     items[1]["usage"] = usage | {"usd": None}
     (cell,) = build_report(read_run(tmp_path / "other", items)).cells
     assert (cell.requests, cell.usd) == (6, None)
+    # A part is not taken for the whole, but an episode without an action took nothing.
+    items[1]["usage"] = None
+    (cell,) = build_report(read_run(tmp_path / "partial", items)).cells
+    assert (cell.requests, cell.input_tokens, cell.usd) == (None, None, None)
+    items[1:] = [made("a", "t1", status="invalid", score=None, steps=0, usage=None)]
+    (cell,) = build_report(read_run(tmp_path / "nothing", items)).cells
+    assert (cell.requests, cell.usd) == (2, 0.25)
+
+
+def test_malformed_actions_are_a_share_of_the_actions_that_were_judged(tmp_path):
+    items = [made("a", "t0", malformed=4), made("a", "t1", malformed=None)]
+    (cell,) = build_report(read_run(tmp_path / "run", items)).cells
+    assert cell.malformed == 1
 
 
 def test_feasible_and_infeasible_apart(tmp_path):
@@ -326,6 +339,34 @@ def test_a_run_of_infeasible_tasks_alone_has_one_table_more(tmp_path):
         assert "feasible tasks" not in text.replace("infeasible tasks", "")
 
 
+@pytest.mark.parametrize("has_head", [True, False])
+def test_the_last_attempt_counts_wherever_its_line_is(has_head, tmp_path):
+    """Folders are sorted by name, a10 before a2; lines may have been sorted or joined."""
+    items = [made("a", "t0", score=float(n == 11), attempt=n, id=f"t0__a{n}") for n in range(12)]
+    folder = tmp_path / "run"
+    if has_head:
+        run_of(folder, sorted(items, key=lambda item: item["id"]), tasks=["t0-0"])
+    for item in [] if has_head else items:
+        (folder / "episodes" / item["id"]).mkdir(parents=True)
+        (folder / "episodes" / item["id"] / "episode.json").write_text(json.dumps(item))
+    (cell,) = build_report(read(folder)).cells
+    assert (cell.n, cell.success) == (1, 1)
+
+
+def test_rows_in_json_are_those_of_the_report(tmp_path):
+    """Tasks that count 0 without being played were in the table alone."""
+    folder = run_of(
+        tmp_path / "run",
+        [*scored("a", "clean", [1, 1]), *scored("a", "marks", [1, 0])],
+        unplayable={"other": {"reason": "no file", "apps": [], "infeasible": False}},
+        unplayable_score=0.0,
+    )
+    rows = json.loads(CliRunner().invoke(hijack, ["report", str(folder), "--json"]).stdout)
+    cells = build_report(read(folder)).cells
+    assert [(row["n"], row["success"]) for row in rows] == [(c.n, c.success) for c in cells]
+    assert [row["n"] for row in rows] == [3, 3]
+
+
 def test_a_log_without_a_head_is_reported_too(tmp_path):
     run = Run(folder=tmp_path, records=scored("a", "clean", [1, 0]))
     report = build_report(run)
@@ -379,6 +420,13 @@ def test_seeds_that_a_run_does_not_have_are_refused(tmp_path):
         with_first_seeds(read_run(tmp_path / "odd", odd, seeds=[0, 1]), 1)
 
 
+def test_seeds_of_a_run_that_ends_at_a_retention_are_not_chosen(tmp_path):
+    """Its first seeds would say whether the retention is shown, which all seeds decide."""
+    run = Run(folder=tmp_path, config={"seeds": [0, 1], "until_retention": {"retention": 0.8}})
+    with pytest.raises(RunError, match="report it with all seeds"):
+        with_first_seeds(run, 1)
+
+
 def test_a_finished_report_has_no_seeds_to_choose(tmp_path):
     run = read_run(tmp_path / "run", scored("a", "clean", [1, 0]))
     path = tmp_path / "report.json"
@@ -411,6 +459,19 @@ def test_scores_by_name(tmp_path):
     assert "do_nothing/retention" not in named  # nothing to keep
     alone = replace(report, summaries=report.summaries[2:])
     assert scores_by_name(alone)["clean"] == 0
+
+
+def test_a_score_that_one_agent_lacks_is_no_score_of_all(tmp_path):
+    """The retention of the other passed for that of both."""
+    items = [
+        *scored("good", "clean", [1, 1]),
+        *scored("good", "marks", [1, 1]),
+        *scored("bad", "clean", [0, 0]),
+        *scored("bad", "marks", [0, 0]),
+    ]
+    named = scores_by_name(build_report(read_run(tmp_path / "run", items)))
+    assert (named["good/retention"], named["clean"]) == (1, 0)
+    assert not {"retention", "retention.marks", "bad/retention"} & named.keys()
 
 
 def test_of_two_agents_the_greater_error_counts(tmp_path):

@@ -15,6 +15,7 @@ from online_env.report import ReportError, build_report, formats
 from online_env.report.board_page import board_page
 from online_env.report.comparison import compare_runs
 from online_env.report.document import ReportDocument
+from online_env.report.identity import run_identity
 from online_env.report.leaderboard import RULE, rank_agents, read_reports
 from online_env.results import statistics
 from online_env.results.reading import Run, read
@@ -54,6 +55,21 @@ def test_cases_are_paired_by_task_corruption_and_seed(tmp_path):
     output = "differ in their settings, too (tasks, corruptions), first in this: tasks was "
     assert output in result.notes[1]
     assert "a: no difference is shown under clean (" in result.notes[2]
+
+
+def test_a_task_from_another_file_is_named(tmp_path):
+    """Only the files of the agents may differ without a word."""
+    runs = [
+        read_run(
+            tmp_path / name,
+            scored("a", "marks", [1, 0]),
+            code={"a": {"sha256": name}, "t0-0": {"sha256": task}, "t1-0": {"sha256": "same"}},
+        )
+        for name, task in (("old", "1"), ("new", "2"), ("newer", "2"))
+    ]
+    notes = compare_runs(*runs[:2]).notes
+    assert notes[0].startswith("Other files define t0-0 in old than in new:")
+    assert not any("files" in note for note in compare_runs(*runs[1:]).notes)
 
 
 def test_all_that_differs_between_two_runs_is_named(tmp_path):
@@ -179,6 +195,50 @@ def test_agents_are_ranked_where_the_setting_is_the_same(runs):
         "small, at most 15 actions",
         "small, at most 99 actions",
     ]
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"layer": "dom"},
+        {"text_boxes": True},
+        {"unplayable": {"other": {}}, "unplayable_score": 0.0},
+        {"plans": {"corruptions": [{"marks": {"number": 3}}], "seed": 0, "part": "all"}},
+        {"a_field_of_a_later_version": 1},
+    ],
+    ids=str,
+)
+def test_whatever_decides_scores_is_a_setting_of_its_own(runs, changed):
+    """They were ranked together, over other pictures, denominators or plans."""
+    run_of(runs / "c", whole("other", dict.fromkeys(CONDITIONS, 9)), **changed)
+    boards = rank_agents(read_reports(runs))
+    assert [[x.row.agent for x in board.lines] for board in boards] == [
+        ["oracle", "strong", "weak"],
+        ["other"],
+    ]
+
+
+def test_a_run_that_ended_at_its_bound_is_a_setting_with_its_tasks(tmp_path):
+    config = {"until_retention": {"retention": 0.5, "confidence": 0.95, "seed": 0}}
+    digests = {
+        run_identity(Run(folder=tmp_path, config=config, episodes=episodes)).setting_sha256
+        for episodes in (("a", "b"), ("a", "b", "c", "d"))
+    }
+    assert len(digests) == 2
+
+
+def test_equal_means_share_a_rank_whatever_rounding_makes_of_them(tmp_path):
+    """0.1 and 0.2 have the mean 0.15000000000000002, 0.3 and 0 have 0.15."""
+    solved = {"first": (10, 1, 2), "second": (10, 3, 0)}
+    records = [
+        record
+        for agent, counts in solved.items()
+        for label, count in zip(("clean", "marks", "subtitle"), counts, strict=True)
+        for record in scored(agent, label, [1] * count + [0] * (10 - count))
+    ]
+    run_of(tmp_path / "runs" / "a", records)
+    (board,) = rank_agents(read_reports(tmp_path / "runs"))
+    assert [line.rank for line in board.lines] == [1, 1]
 
 
 def test_what_lacks_episodes_has_no_rank(runs):

@@ -10,6 +10,7 @@ pytest.importorskip("inspect_ai", reason="needs the extra [inspect]")
 
 import inspect_ai
 from inspect_ai.dataset import Sample
+from inspect_ai.log import read_eval_log, write_eval_log
 from inspect_ai.model import ModelOutput, ModelUsage, get_model
 from inspect_ai.scorer import match
 from inspect_ai.solver import generate, solver
@@ -80,6 +81,20 @@ def test_logs_of_inspect_are_read_and_an_error_is_no_zero(log_format, tmp_path):
         collect_run(sources, columns={"score": "mach"})
     with pytest.raises(OutcomeError, match="neither metadata nor task arguments have 'noise'"):
         collect_run(sources, columns={"condition": "noise"})
+
+
+def test_a_folder_of_logs_leaves_none_out(tmp_path):
+    """Only its .eval files were read."""
+    logs = inspect_logs(tmp_path / "logs")
+    (*_, last) = sorted(logs.glob("*.eval"))
+    whole_run = collect_run([logs])
+    write_eval_log(read_eval_log(str(last)), str(last.with_suffix(".json")), format="json")
+    last.unlink()
+    assert sorted(map(str, collect_run([logs]).records)) == sorted(map(str, whole_run.records))
+    (logs / "more").mkdir()
+    last.with_suffix(".json").rename(logs / "more" / "log.json")
+    with pytest.raises(OutcomeError, match="more holds logs, too; give each folder"):
+        collect_run([logs])
 
 
 def test_a_log_that_did_not_end_is_refused_and_an_invalidated_sample_is_no_outcome(tmp_path):

@@ -14,6 +14,7 @@ from scipy import stats
 
 from hijack_data.cli import main
 from online_env.report import ReportError, build_report, formats
+from online_env.report.conclusions import conclude
 from online_env.report.document import ReportDocument
 from online_env.results.outcomes import OutcomeError, collect_run, parse_columns
 
@@ -329,6 +330,14 @@ def test_different_tasks_are_compared_as_unpaired_only_when_told(tmp_path, capsy
     same = write_csv(tmp_path / "same.csv", rows())
     with pytest.raises(OutcomeError, match="on the same 6 tasks clean and under marks"):
         collect_run([same], unpaired=True)
+
+
+def test_a_condition_of_one_task_has_no_test_for_want_of_tasks(tmp_path):
+    """The conclusion said that scipy was missing."""
+    path = tmp_path / "a.csv"
+    path.write_text("task,condition,score\nt0,clean,1\nt1,clean,1\nt2,clean,1\nt9,marks,0\n")
+    (sentence,) = conclude(build_report(collect_run([path], unpaired=True)))
+    assert sentence.endswith("whether this is chance is not known with a single task.")
 
 
 def test_a_sharp_difference_without_spread_has_the_exact_p(tmp_path):

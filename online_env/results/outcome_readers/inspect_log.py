@@ -38,11 +38,7 @@ class InspectReader:
         """Return whether a file is a log, or a folder holds some."""
         if source.is_dir():
             return any(source.glob("*.eval"))
-        if source.suffix == ".json":
-            with source.open("rb") as file:
-                head = file.read(_HEAD_BYTES)
-            return b'"status"' in head and b'"eval"' in head and b'"format"' not in head
-        return source.suffix == ".eval"
+        return _is_log(source)
 
     def read(self, source: Path, columns: Mapping[str, str]) -> Iterator[EpisodeOutcome]:
         """Yield the outcomes of the samples of a log, or of all logs of a folder.
@@ -52,13 +48,13 @@ class InspectReader:
             columns: keys of metadata or task arguments by field; for `score`, the name of a scorer.
 
         Raises:
-            OutcomeError: a log cannot be read, or a score is no number in 0..1.
+            OutcomeError: a log cannot be read, a folder has more logs below, or a score is no
+                number in 0..1.
         """
         require("a log of Inspect", ("inspect_ai",))
         from inspect_ai.log import read_eval_log
 
-        paths = sorted(source.glob("*.eval")) if source.is_dir() else [source]
-        for path in paths:
+        for path in _find_logs(source):
             try:
                 log = read_eval_log(path)
             except (OSError, ValueError, KeyError, RuntimeError, BadZipFile) as error:
@@ -74,6 +70,31 @@ class InspectReader:
                 )
             for sample in log.samples:
                 yield _outcome(path, log, sample, columns)
+
+
+def _is_log(path: Path) -> bool:
+    if path.suffix == ".json" and path.is_file():
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+        return b'"status"' in head and b'"eval"' in head and b'"format"' not in head
+    return path.suffix == ".eval"
+
+
+def _find_logs(source: Path) -> Sequence[Path]:
+    """Return the logs of a folder in both formats, or the one that the source is.
+
+    Raises:
+        OutcomeError: folders below it hold further logs, which would be left out.
+    """
+    if not source.is_dir():
+        return [source]
+    logs = sorted(path for path in source.rglob("*") if _is_log(path))
+    below = next((path.parent for path in logs if path.parent != source), None)
+    if below is not None:
+        raise OutcomeError(
+            f"{source}: {below} holds logs, too; give each folder with logs as a source"
+        )
+    return logs
 
 
 def _outcome(path: Path, log: Any, sample: Any, columns: Mapping[str, str]) -> EpisodeOutcome:
