@@ -244,17 +244,17 @@ def swapped(value: Any, new: Mapping[int, Any]) -> Any:
 
 def read_once(value: Any) -> Any:
     """Return a value with dictionaries for other mappings, which may make values at each look."""
+    original: Any = value
     if isinstance(value, Mapping):
         entries = cast("Mapping[Any, Any]", value)
         new = {key: read_once(part) for key, part in entries.items()}
-        is_same = type(value) is dict and all(part is entries[key] for key, part in new.items())
-        return cast("Any", value) if is_same else new
-    if isinstance(value, list | tuple) and not is_plain(cast("list[Any]", value)):
-        items = cast("list[Any]", value)
-        parts = [read_once(part) for part in items]
-        is_same = all(part is item for part, item in zip(parts, items, strict=True))
-        return cast("Any", value) if is_same else rebuilt(value, parts)
-    return value
+        is_same = type(original) is dict and all(new[key] is original[key] for key in new)
+        return original if is_same else new
+    if isinstance(value, list | tuple) and not is_plain(original):
+        parts = [read_once(part) for part in original]
+        is_same = all(part is item for part, item in zip(parts, original, strict=True))
+        return original if is_same else rebuilt(original, parts)
+    return original
 
 
 def rebuilt(like: Any, parts: list[Any]) -> Any:
