@@ -248,8 +248,9 @@ def read_once(value: Any) -> Any:
     if isinstance(value, Mapping):
         entries = cast("Mapping[Any, Any]", value)
         new = {key: read_once(part) for key, part in entries.items()}
-        is_same = type(original) is dict and all(new[key] is original[key] for key in new)
-        return original if is_same else new
+        if type(original) is dict and all(new[key] is original[key] for key in new):
+            return original
+        return new
     if isinstance(value, list | tuple) and not is_plain(original):
         parts = [read_once(part) for part in original]
         is_same = all(part is item for part, item in zip(parts, original, strict=True))
