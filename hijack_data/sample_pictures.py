@@ -246,10 +246,9 @@ def read_once(value: Any) -> Any:
     """Return a value with dictionaries for other mappings, which may make values at each look."""
     original: Any = value
     if isinstance(value, Mapping):
-        entries = cast("Mapping[Any, Any]", value)
-        new = {key: read_once(part) for key, part in entries.items()}
+        new = {key: read_once(part) for key, part in original.items()}
         if type(original) is dict and all(new[key] is original[key] for key in new):
-            return original
+            return cast("Any", original)
         return new
     if isinstance(value, list | tuple) and not is_plain(original):
         parts = [read_once(part) for part in original]
