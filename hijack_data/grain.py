@@ -29,6 +29,7 @@ from .labels import Declared
 from .labels.dataset_rows import check_drawn
 from .plan import Plan
 from .planner import Planner
+from .sample_pictures import read_once
 from .samples import SamplePlanner, check_names, is_many, make_labels
 from .types import Size
 
@@ -75,7 +76,7 @@ class _Settings:
             raise ParameterTypeError(
                 f"an element must be a dictionary, got {type(element).__name__}"
             )
-        entries = cast("Mapping[str, Any]", element)
+        entries: dict[str, Any] = read_once(dict(cast("Mapping[str, Any]", element)))
         check_names(entries)
         check_drawn(entries)
         if is_many(entries.get(self.settings.id_key)):

@@ -8,10 +8,13 @@ follow one plan. An entry that has the shape of a picture, and neither the name 
 is an error, because it would silently stay clean.
 """
 
+import datetime
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import chain
+from numbers import Number
+from os import PathLike
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -38,6 +41,7 @@ _SCALARS = frozenset([int, float, str, bool, type(None)])
 _CONTAINERS = frozenset([dict, list, tuple])
 _MAX_DEPTH = 64  # of containers that `is_plain` looks into
 # How files of pictures begin: PNG, JPEG, GIF, WebP, BMP, TIFF.
+_DATA_URL = "data:image/"
 _FILES = (b"\x89PNG", b"\xff\xd8\xff", b"GIF8", b"RIFF", b"BM", b"II*\0", b"MM\0*")
 
 Path: TypeAlias = tuple[Any, ...]
@@ -80,12 +84,16 @@ def is_sequence(value: object) -> bool:
 def is_plain(value: object) -> bool:
     """Return whether a value is made of Python's own dictionaries, lists, tuples and scalars alone.
 
+    A text that is a picture, as a data URL, is none of these scalars.
+
     It looks at all values of one depth at once, which takes a tenth of a walk through them.
     """
     level: list[Any] = [value]
     for _ in range(_MAX_DEPTH):
         kinds = set(map(type, level))
         if not kinds <= _SCALARS | _CONTAINERS:
+            return False
+        if str in kinds and any(type(p) is str and p[:11] == _DATA_URL for p in level):
             return False
         if kinds <= _SCALARS:
             return True
@@ -111,12 +119,17 @@ def is_picture_shaped(value: Any, size: Size | None = None) -> bool:
 
     It is a PIL image or the bytes of a picture's file, or has 3 axes or more with 1, 3 or 4
     channels: uint8 of any size, other dtypes from 64x64 on or of the `size` of the sample's
-    picture.
+    picture. So could be a container of such a value that is neither list nor tuple, or text that
+    is a data URL of a picture.
     """
+    if isinstance(value, str):
+        return value.startswith(_DATA_URL)
     if isinstance(value, bytes):
         return value.startswith(_FILES)
     if isinstance(value, Image.Image) or is_tensor(value, "Image", "Video"):
         return True
+    if isinstance(value, Sequence | Set):
+        return any(is_picture_shaped(part, size) for part in cast("Sequence[Any]", value))
     if not is_array(value) or value.ndim < 3 or is_tensor(value, *FOLLOWING):
         return False
     shape = tuple(value.shape)
@@ -168,7 +181,7 @@ def find_pictures(
         answer = is_picture(name)
         if answer and has_pixels(value):
             pictures.append(SamplePicture(path, value))
-        elif answer is None or (answer and isinstance(value, bytes)):
+        elif answer is None or (answer and not is_tensor(value, *FOLLOWING)):
             candidates.setdefault(name, value)
     size = _size_or_none(pictures[0].pixels) if pictures else None
     unclear = {
@@ -229,6 +242,21 @@ def swapped(value: Any, new: Mapping[int, Any]) -> Any:
     return value
 
 
+def read_once(value: Any) -> Any:
+    """Return a value with dictionaries for other mappings, which may make values at each look."""
+    original: Any = value
+    if isinstance(value, Mapping):
+        new = {key: read_once(part) for key, part in original.items()}
+        if type(original) is dict and all(new[key] is original[key] for key in new):
+            return cast("Any", original)
+        return new
+    if isinstance(value, list | tuple) and not is_plain(original):
+        parts = [read_once(part) for part in original]
+        is_same = all(part is item for part, item in zip(parts, original, strict=True))
+        return original if is_same else rebuilt(original, parts)
+    return original
+
+
 def rebuilt(like: Any, parts: list[Any]) -> Any:
     """Return parts as a list, tuple or named tuple."""
     if hasattr(like, "_fields"):
@@ -242,7 +270,7 @@ def dotted(path: Path) -> str:
 
 
 def _arrays(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
-    """Yield every image, array and bytes inside a value with its path."""
+    """Yield with its path each part of a value that is no scalar and no container looked into."""
     if isinstance(value, Mapping):
         for key, part in cast("Mapping[Any, Any]", value).items():
             if path or not is_plain(part):
@@ -254,8 +282,24 @@ def _arrays(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
     elif is_object_array(value):
         for index, part in enumerate(value.flat):
             yield from _arrays(part, (*path, index))
-    elif isinstance(value, Image.Image | bytes) or is_array(value):
+    elif type(value) is str:
+        if value.startswith(_DATA_URL):
+            yield path, value
+    elif type(value) not in _SCALARS and not _is_scalar(value):
         yield path, value
+
+
+def _is_scalar(value: Any) -> bool:
+    """Return whether a value is a number, a text, a date or a path, also one of NumPy or torch."""
+    if isinstance(value, bytes):
+        return False
+    if isinstance(value, Number | str | np.generic | datetime.date | datetime.time | PathLike):
+        return True
+    if not hasattr(value, "dtype"):
+        return False
+    axes = getattr(value, "ndim", 0)
+    is_text = getattr(value.dtype, "kind", "") in tuple("UST")
+    return is_text or axes == 0 or (axes == 1 and len(value) == 0)
 
 
 def is_object_array(value: Any) -> bool:

@@ -215,7 +215,12 @@ def is_many(value: Any) -> bool:
 
 def _id(value: Any) -> int | str:
     if isinstance(value, bytes):
-        value = value.decode("utf-8", "replace")
+        try:
+            value = value.decode("utf-8")
+        except UnicodeDecodeError:
+            raise ParameterError(
+                f"the id of a sample is no UTF-8 text, got {value!r:.80}; give value.hex()"
+            ) from None
     if isinstance(value, str):
         if not value:
             raise ParameterError("the id of a sample is empty; give each sample one of its own")

@@ -21,6 +21,7 @@ from .options import FiniteRange
 from .plugin_rows import BROKEN, plugin_rows
 from .terminal import console, echo
 
+_CHECKED_KINDS = ("corruption", "effect", "agent", "task")
 DoctorRow: TypeAlias = tuple[str, str, str, str]
 
 
@@ -70,6 +71,19 @@ def _check_content(file: LoadedFile, target: str, plugins: list[str]) -> None:
     if not file.names and not plugins:
         raise PluginError(
             f"{target}: registers nothing, and has no class with predict(instruction, obs)"
+        )
+    unchecked = [
+        f"{kind} {name}"
+        for kind, names in file.names.items()
+        if kind not in _CHECKED_KINDS
+        for name in names
+    ]
+    for text in unchecked:
+        _show(console(), f"{text}: there are no checks of this kind")
+    if unchecked and not plugins and not file.corruptions and not file.effects:
+        raise PluginError(
+            f"{target}: registers nothing that hijack check can check, which is corruptions, live"
+            f" effects, agents and tasks; test {', '.join(unchecked)} by use"
         )
 
 

@@ -150,10 +150,9 @@ class Labels:
                 continue
             if not self._follow_fixed(key, sample, move, changes, row):
                 undeclared.check(key, value)
-        if undeclared.parts:
-            problem = undeclared_error(
-                undeclared.parts, move.before, move.after, bool(self.formats)
-            )
+        parts = {**undeclared.parts, **(unclear or {})}
+        if parts:
+            problem = undeclared_error(parts, move.before, move.after, bool(self.formats))
             raise problem
         return changes
 

@@ -158,7 +158,9 @@ def put_back(original: Any, numbers: Numbers) -> Any:
         return _like_scalar(cast(Any, original).dtype, numbers)
     if hasattr(original, "__array_namespace__"):  # JAX
         namespace = original.__array_namespace__()
-        return namespace.asarray(numbers, dtype=original.dtype)
+        array = namespace.asarray(numbers, dtype=original.dtype)
+        _check_fit(numbers, np.asarray(array), original.dtype)
+        return array
     if isinstance(original, list | tuple):
         sequence = cast("list[Any]", original)
         if is_plain(sequence):
@@ -177,9 +179,11 @@ def _like_nested(original: Any, numbers: list[Any]) -> Any:
 
 
 def _like_scalar(dtype: Any, numbers: Numbers) -> Any:
-    if dtype.kind == numbers.dtype.kind:
-        return numbers.astype(dtype)[()]
-    return numbers[()]
+    if dtype.kind != numbers.dtype.kind:
+        return numbers[()]
+    number = numbers.astype(dtype)
+    _check_fit(numbers, number, dtype)
+    return number[()]
 
 
 def _check_fit(expected: Numbers, stored: Numbers, dtype: object) -> None:

@@ -14,7 +14,7 @@ from ..plan import Plan
 from ..types import Size
 from .base import Move
 from .box_formats import box_format
-from .nested_numbers import to_host
+from .nested_numbers import put_back, to_host
 
 tv_tensors: Any = importlib.import_module("torchvision.tv_tensors")  # torchvision is not typed
 v2: Any = importlib.import_module("torchvision.transforms.v2")
@@ -106,6 +106,6 @@ def _map_key_points(points: torch.Tensor, move: Move) -> torch.Tensor:
     """
     numbers = to_host(points)
     if points.is_floating_point():
-        return points.new_tensor(move.scaling.positions(numbers))
+        return put_back(points, move.scaling.positions(numbers))
     free = replace(move.scaling, bounded=False, clamp=False)
-    return points.new_tensor(free.points(numbers))
+    return put_back(points, free.points(numbers))

@@ -15,7 +15,7 @@ no unknown object.
 
 import datetime
 import re
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from functools import lru_cache
 from itertools import chain, pairwise
 from numbers import Number
@@ -300,7 +300,7 @@ def declarations(parts: Mapping[str, Any], size: Size) -> str:
 
 def _described(value: Any) -> str:
     """Return a value in one line, to stand in a comment."""
-    if isinstance(value, bytes) and is_picture_shaped(value):
+    if isinstance(value, str | bytes) and is_picture_shaped(value):
         return "the file of a picture; decode it first, or leave it"
     if isinstance(value, Image.Image):
         return f"{value.width}x{value.height} image of mode {value.mode}"
@@ -317,7 +317,7 @@ def suggested_formats(path: str, value: Any, size: Size) -> list[str]:
         return [str(order).lower()]
     if isinstance(value, Action):
         return ["action"]
-    if isinstance(value, bytes) and is_picture_shaped(value):
+    if isinstance(value, str | bytes | Sequence | Set) and is_picture_shaped(value):
         return ["leave"]
     if is_picture_shaped(value, size):
         return _picture_formats(value, size)

@@ -20,6 +20,7 @@ from ..sample_pictures import (
     apply_plan,
     is_array,
     is_tensor,
+    read_once,
     rebuilt,
 )
 from ..samples import check_names, is_many
@@ -37,11 +38,11 @@ def unpack(sample: Any) -> tuple[dict[str, Any], Rebuild]:
     """
     if isinstance(sample, Mapping):
         check_names(cast("Mapping[Any, Any]", sample))
-        return dict(cast("Mapping[str, Any]", sample)), lambda entries: entries
+        return read_once(dict(cast("Mapping[str, Any]", sample))), lambda entries: entries
     is_sequence = isinstance(sample, list | tuple)
     parts: list[Any] = list(cast("list[Any]", sample)) if is_sequence else [sample]
     at = next((i for i, part in enumerate(parts) if isinstance(part, Mapping)), None)
-    entries: dict[str, Any] = {} if at is None else dict(cast(DatasetRow, parts[at]))
+    entries: dict[str, Any] = {} if at is None else read_once(dict(cast(DatasetRow, parts[at])))
     check_names(entries)
     names = [f"item {i}" for i in range(len(parts))]
     entries |= {

@@ -199,6 +199,49 @@ def test_what_cannot_be_read_or_done_is_refused(dialect, action, problem):
         code_of(action, dialect, SIZE)
 
 
+@pytest.mark.parametrize(
+    ("dialect", "action", "problem"),
+    [
+        ("openai", openai("double_click", x=1, y=2, button="right"), "cannot say"),
+        ("openai", openai("drag", path=PATH, button="right"), "cannot say"),
+        ("openai", openai("type", text="a", keys=["CTRL"]), "does not take 'keys'"),
+        ("anthropic", anthropic("left_click", ref="ref_7"), "does not take 'ref'"),
+        ("anthropic", anthropic("hold_key", text="a", repeat=3), "does not take 'repeat'"),
+        ("anthropic", anthropic("type", text="a", press_enter="true"), "press_enter must be"),
+        ("qwen3_vl", qwen(action="left_click", coordinate=[1, 2], button="right"), "'button'"),
+        ("qwen3_vl", qwen(action="type", text="a", clear=True), "does not take 'clear'"),
+        ("qwen3_vl", qwen(action="terminate", status="failed"), "status must be one of success"),
+        ("ui_tars", "Action: click(start_box='(1,2)', modifiers='ctrl')", "'modifiers'"),
+        ("gemini", {"name": "click", "args": {"x": 1, "y": 2, "button": "right"}}, "'button'"),
+        ("glm", '{"action_type": "status", "goal_status": "failed"}', "goal_status must be one of"),
+    ],
+)
+def test_what_would_be_ignored_is_refused(dialect, action, problem):
+    with pytest.raises(ActionError, match=problem):
+        code_of(action, dialect, SIZE)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "action", "code"),
+    [
+        ("openai", openai("click", x=1, y=2, button="left", keys=None), "pyautogui.click(1, 2)"),
+        (
+            "glm",
+            "left_click(start_box='[500,500]', element_info='OK')",
+            "pyautogui.click(960, 540)",
+        ),
+        ("qwen3_vl", qwen(action="terminate", status="success", text="42"), "DONE"),
+        (
+            "openai",
+            openai("click", x=1, y=2, button="back", keys=["CTRL"]),
+            "pyautogui.keyDown('ctrl')\npyautogui.hotkey('alt', 'left')\npyautogui.keyUp('ctrl')",
+        ),
+    ],
+)
+def test_what_asks_for_nothing_or_is_done_is_accepted(dialect, action, code):
+    assert code_of(action, dialect, SIZE) == [code]
+
+
 def test_every_dialect_has_its_way():
     for dialect in DIALECTS[1:]:
         with pytest.raises((ActionError, ParameterTypeError)):

@@ -286,6 +286,11 @@ def test_check_finds_a_bad_plugin(tmp_path):
     assert "global generator; use the stream" in " ".join(result.stdout.split())
     (tmp_path / "none.py").write_text("x = 1\n")
     refused(run("check", tmp_path / "none.py"), "registers nothing")
+    (tmp_path / "reader.py").write_text(
+        "from pipelines.readers.base import register\n@register\nclass R:\n    name = 'mine'\n"
+        "    def detect(self, path): return False\n    def read(self, source): return iter(())\n"
+    )
+    refused(run("check", tmp_path / "reader.py"), "nothing that hijack check can check")
     (tmp_path / "broken.py").write_text("def\n")
     refused(run("check", tmp_path / "broken.py"), "cannot be imported: SyntaxError")
     refused(run("check", tmp_path / "missing.py"), "not a Python file")

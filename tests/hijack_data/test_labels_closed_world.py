@@ -3,6 +3,9 @@
 import itertools
 import subprocess
 import sys
+from collections import deque
+from collections.abc import Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -235,6 +238,46 @@ def test_files_of_pictures_that_would_stay_clean_are_said():
     ):
         with pytest.raises(LabelError, match=rf"'{name}[.\w]*': 'leave',  # "):
             tr.Marks()({"image": PIXELS, "id": 1, name: value})
+
+
+class _DecodedAtEachLook(Mapping):
+    def __getitem__(self, key):
+        return {"image": np.zeros((360, 640, 3), np.uint8)}[key]
+
+    def __iter__(self):
+        return iter(["image"])
+
+    def __len__(self):
+        return 1
+
+
+def test_pictures_that_a_mapping_decodes_at_each_look_are_corrupted():
+    out = tr.Marks(seed=1)({"inner": _DecodedAtEachLook(), "id": 1})
+    assert out["inner"]["image"].any()
+
+
+@pytest.mark.parametrize("scale", [1, 0.5])
+@pytest.mark.parametrize(
+    "entry",
+    [
+        {"prev_images": deque([np.zeros((360, 640, 3), np.uint8)])},
+        {"frames": deque([np.zeros((360, 640, 3), np.uint8)])},
+        {"prev_image": bytearray(b"\x89PNG")},
+        {"prev_image": np.frombuffer(b"\x89PNG", np.uint8)},
+        {"prev_image": SimpleNamespace(pixels=0)},
+        {"messages": [{"image_url": {"url": "data:image/png;base64,iVBORw0KGgo="}}]},
+    ],
+)
+def test_pictures_in_what_cannot_be_corrupted_are_said(entry, scale):
+    corrupt = tr.Sequence([tr.Resolution(scale=scale), tr.Marks()], seed=1)
+    sample = {"image": np.zeros((360, 640, 3), np.uint8), "id": 1, **entry}
+    with pytest.raises(LabelError, match=f"'{next(iter(entry))}"):
+        corrupt(sample)
+
+
+def test_ids_that_are_no_text_are_refused():
+    with pytest.raises(ParameterError, match="no UTF-8 text"):
+        tr.Marks(seed=1)({"image": np.zeros((360, 640, 3), np.uint8), "id": b"\xff"})
 
 
 def test_declarations_must_match_the_sample():

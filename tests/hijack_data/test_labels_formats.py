@@ -136,6 +136,21 @@ def test_a_dtype_that_is_too_small_is_said():
     double = hj.Resolution(scale=2).plan(hj.Scene((400, 400)), seed=1)
     with pytest.raises(LabelError, match=r"'box'.*no longer fits its dtype uint8"):
         follow({"box": "xyxy"}, double, box=np.array([100, 100, 200, 200], np.uint8))
+    with pytest.raises(LabelError, match=r"'x'.*no longer fits its dtype int8"):
+        follow({"x": "x"}, double, x=np.int8(100))
+
+
+def test_a_dtype_that_is_too_small_is_said_by_every_framework():
+    double = hj.Resolution(scale=2).plan(hj.Scene((400, 400)), seed=1)
+    jax_numpy = pytest.importorskip("jax.numpy")
+    with pytest.raises(LabelError, match="no longer fits its dtype uint8"):
+        follow({"point": "xy"}, double, point=jax_numpy.asarray([200, 100], "uint8"))
+    torch = pytest.importorskip("torch")
+    tv_tensors = pytest.importorskip("torchvision.tv_tensors")
+    pair = torch.tensor([[200, 100]], dtype=torch.uint8)
+    points = tv_tensors.KeyPoints(pair, canvas_size=(400, 400))
+    with pytest.raises(LabelError, match=r"no longer fits its dtype torch\.uint8"):
+        follow({}, double, points=points)
 
 
 def test_masks_follow_by_the_centres_of_pixels():

@@ -16,7 +16,7 @@ from ..python_source import TextEdit, apply_edits
 from ..scaling import Scaling
 from .field_checks import action_at, key_combination, number
 from .pyautogui_write import hscroll_code, write_pyautogui
-from .unmapped_fields import check_fields
+from .unmapped_fields import check_carried_out, check_fields
 
 OptionalPoint: TypeAlias = tuple[int, int] | None
 # Of scrolling without an amount: UI-TARS's own code scrolls by 5.
@@ -24,6 +24,7 @@ DEFAULT_NOTCHES = 5
 # Tools that scroll in pixels: a notch of the wheel scrolls most programs by about this many.
 PIXELS_PER_NOTCH = 100
 WAIT = "WAIT"
+_ENDS = ("done", "fail")
 _DIRECTIONS = ("up", "down", "left", "right")
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?", re.ASCII)
 _TAGS = re.compile(r"</?(?:point|bbox|box)>|<\|(?:box|point)_(?:start|end)\|>")
@@ -83,6 +84,14 @@ class Arguments:
             ActionError: there is one, which would stay unmapped.
         """
         check_fields(self._values, (*self._read, *note_names), self.label)
+
+    def check_carried_out(self, remarks: Sequence[str] = ()) -> None:
+        """Check that no argument asks for something that the rule does not do.
+
+        Raises:
+            ActionError: there is one, which would be ignored.
+        """
+        check_carried_out(self._values, (*self._read, *remarks), self.label)
 
     def value(self, name: str, default: Any = None) -> Any:
         """Return an argument, or the default if it is not there."""
@@ -367,11 +376,18 @@ def end_rule(kind: str, name: str = "") -> Rule:
     return rule
 
 
-def status_rule(name: str, failures: Sequence[str]) -> Rule:
-    """Return the rule of an action that ends the episode with success or failure."""
+def status_rule(name: str, successes: Sequence[str], failures: Sequence[str]) -> Rule:
+    """Return the rule of an action that ends the episode with success, its default, or failure."""
 
     def rule(arguments: Arguments) -> list[Meaning]:
-        return [Meaning(Action("fail" if arguments.value(name) in failures else "done"))]
+        status = arguments.value(name, successes[0])
+        word = status.strip().lower() if isinstance(status, str) else status
+        if word not in (*successes, *failures):
+            raise ActionError(
+                f"{arguments.label} {name} must be one of {', '.join((*successes, *failures))},"
+                f" got {short_repr(status)}"
+            )
+        return [Meaning(Action("fail" if word in failures else "done"))]
 
     return rule
 
@@ -422,12 +438,14 @@ class CallReader:
         rules: the meaning of each action.
         find: returns the calls of a reply; it raises `ActionError` if there is none.
         notes: arguments of any action that say nothing about the screen.
+        remarks: those of the notes that say nothing about the action either; by default all.
     """
 
     dialect: str
     rules: Mapping[str, Rule]
     find: Callable[[object], list[ActionCall]]
     notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] | None = None
 
     def read(
         self, reply: object, scaling: Scaling
@@ -493,9 +511,16 @@ class CallReader:
         """Return each call as code.
 
         Raises:
-            ActionError: the reply cannot be read, see `read`, or a desktop cannot do the action.
+            ActionError: the reply cannot be read, see `read`, a desktop cannot do the action, or
+                an argument asks for something that the action does not do.
         """
-        return [self._code(call, meanings) for call, _, meanings in self.read(reply, scaling)]
+        remarks = self.notes if self.remarks is None else self.remarks
+        codes: list[str] = []
+        for call, arguments, meanings in self.read(reply, scaling):
+            codes.append(self._code(call, meanings))
+            if not all(meaning.action.type in _ENDS for meaning in meanings):
+                arguments.check_carried_out(remarks)
+        return codes
 
     def _code(self, call: ActionCall, meanings: Sequence[Meaning]) -> str:
         lines: list[str] = []

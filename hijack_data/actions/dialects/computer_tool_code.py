@@ -25,6 +25,7 @@ from .computer_tools import (
 )
 from .field_checks import as_fields, key_names, number
 from .pyautogui_write import hscroll_code, write_pyautogui
+from .unmapped_fields import check_carried_out
 
 MAX_REPEATS = 100
 MAX_HOLD_S = 60.0  # s
@@ -32,6 +33,28 @@ _SCREEN_READING_ACTIONS = ("screenshot", "zoom", "cursor_position")
 # The keys that do in browsers and file managers what these mouse buttons do.
 _SIDE_BUTTONS = {"back": "left", "forward": "right"}
 _WAIT = "WAIT"
+# The fields that each action carries out; others would be ignored.
+_OPENAI_FIELDS = {
+    "click": ("x", "y", "button", "keys"),
+    "double_click": ("x", "y", "button", "keys"),
+    "drag": ("path", "button", "keys"),
+    "keypress": ("keys",),
+    "move": ("x", "y", "keys"),
+    "scroll": ("x", "y", "scroll_x", "scroll_y", "keys"),
+    "type": ("text",),
+}
+_CLICK_FIELDS = ("coordinate", "text", "repeat")
+_ANTHROPIC_FIELDS = {
+    **dict.fromkeys(
+        ("left_click", "right_click", "middle_click", "double_click", "triple_click"), _CLICK_FIELDS
+    ),
+    **dict.fromkeys(("mouse_move", "hover", "left_mouse_down", "left_mouse_up"), _CLICK_FIELDS),
+    "key": ("text", "repeat"),
+    "hold_key": ("text", "duration"),
+    "left_click_drag": ("coordinate", "start_coordinate", "text"),
+    "scroll": ("coordinate", "scroll_direction", "scroll_amount", "text"),
+    "type": ("coordinate", "text", "press_enter"),
+}
 
 
 def openai_code(action: object, scaling: Scaling) -> list[str]:
@@ -49,10 +72,12 @@ def _openai_code(action: object, scaling: Scaling) -> str:
     name = fields["type"]
     if name in _SCREEN_READING_ACTIONS:
         return _WAIT
+    if name in _OPENAI_FIELDS:
+        check_carried_out(fields, ("type", *_OPENAI_FIELDS[name]), f"openai {name}")
     arrow = _SIDE_BUTTONS.get(str(fields.get("button")))
     if name == "click" and arrow is not None:
-        return f"pyautogui.hotkey('alt', {arrow!r})"
-    if name == "drag":
+        return _with_keys(parsed.keys, [f"pyautogui.hotkey('alt', {arrow!r})"])
+    if name == "drag" and parsed.type == "drag":
         points = [scaling.point(*point) for point in drag_points(fields)]
         if len(points) > 2:
             return _with_keys(parsed.keys, _through(points))
@@ -70,7 +95,10 @@ def anthropic_code(action: object, scaling: Scaling) -> list[str]:
     action, _ = anthropic_action(action)
     fields = as_fields(action, "anthropic")
     parsed = parse_anthropic_action({**fields, "repeat": None}, scaling)
-    match fields["action"]:
+    name = str(fields["action"])
+    if name in _ANTHROPIC_FIELDS:
+        check_carried_out(fields, ("action", *_ANTHROPIC_FIELDS[name]), f"anthropic {name}")
+    match name:
         case "screenshot" | "zoom" | "cursor_position":
             return [_WAIT]
         case "scroll_to":

@@ -177,6 +177,8 @@ def parse_openai_action(action: object, scaling: Scaling) -> Action:
     match name:
         case "drag":
             path = [scaling.point(*p) for p in drag_points(fields)]
+            if click_type(fields.get("button", "left"), 1) != "click":
+                return Action("other", *path[0], keys=keys)
             return Action("drag", *path[0], *path[-1], keys=keys)
         case "keypress":
             return Action("hotkey", keys=key_combination(fields.get("keys"), "keypress keys", "+"))
@@ -193,8 +195,10 @@ def parse_openai_action(action: object, scaling: Scaling) -> Action:
         if across:  # an `Action` scrolls up or down only
             return action_at("other", point, keys=keys)
         return action_at("scroll", point, amount=-down / PIXELS_PER_NOTCH, keys=keys)
-    types = {"click": click_type(fields.get("button", "left"), 1), "move": "move"}
-    return action_at(types.get(name, name), point, keys=keys)
+    button = fields.get("button", "left")
+    clicks = {"click": 1, "double_click": 2}
+    kind = click_type(button, clicks[name]) if name in clicks else name
+    return action_at(kind, point, keys=keys)
 
 
 def anthropic_action(action: object) -> tuple[object, Callable[[dict[str, Any]], dict[str, Any]]]:
@@ -284,9 +288,14 @@ def parse_anthropic_action(action: object, scaling: Scaling) -> Action:
             return _anthropic_scroll(fields, point)
         case "type":
             typed = text(fields.get("text"), "type text")
+            presses_enter = fields.get("press_enter") or False
+            if presses_enter not in (True, False):
+                raise ActionError(
+                    f"type press_enter must be true or false, got {short_repr(presses_enter)}"
+                )
             if point is not None:  # it is clicked first
                 return action_at("other", point, text=typed)
-            return Action("type", text=f"{typed}\n" if fields.get("press_enter") is True else typed)
+            return Action("type", text=f"{typed}\n" if presses_enter else typed)
         case "key" if len(key_presses(fields)) > 1:
             return Action("other")
         case "key" | "hold_key":

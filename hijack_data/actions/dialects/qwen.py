@@ -119,7 +119,7 @@ _COMPUTER: dict[str, Rule] = {
     "scroll": _scroll,
     "hscroll": _hscroll,
     "wait": _wait,
-    "terminate": status_rule("status", ("failure", "fail")),
+    "terminate": status_rule("status", ("success",), ("failure", "fail")),
     "answer": _answer,
     "interact": end_rule("fail"),
     "call_user": end_rule("fail"),
@@ -213,4 +213,4 @@ def _read(value: Any) -> tuple[object, Mapping[str, Any], Rebuild]:
     return action, arguments, rebuild
 
 
-QWEN = CallReader("tool call", _COMPUTER, _calls, notes=_NOTES)
+QWEN = CallReader("tool call", _COMPUTER, _calls, notes=_NOTES, remarks=("action", "description"))

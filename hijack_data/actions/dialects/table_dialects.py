@@ -48,6 +48,7 @@ from .field_checks import action_at, as_fields
 
 _PHONE = "a desktop has no such key or gesture of a phone"
 _BROWSER = "it needs a browser that is driven by addresses, not a pointer"
+_ELEMENT = ("element_info", "element_type")  # what the model thinks is at the point
 _TOOL = "it asks for a tool, not for the pointer or the keyboard"
 
 # --- GLM-4.5V and 4.6V
@@ -67,7 +68,7 @@ _GLM: dict[str, Rule] = {
     "FAIL": end_rule("fail"),
 }
 _GLM_PHONE: dict[str, Rule] = {
-    "status": status_rule("goal_status", ("infeasible",)),
+    "status": status_rule("goal_status", ("complete",), ("infeasible",)),
     "answer": end_rule("done", "text"),
     "click": point_rule("click", "box_2d"),
     "long_press": unsupported_rule(_PHONE, "box_2d"),
@@ -99,7 +100,7 @@ def _glm_calls(reply: object) -> list[ActionCall]:
     return python_calls(part, "glm", tuple(_GLM), _GLM_EXAMPLE)
 
 
-GLM = CallReader("glm", {**_GLM, **_GLM_PHONE}, _glm_calls)
+GLM = CallReader("glm", {**_GLM, **_GLM_PHONE}, _glm_calls, remarks=_ELEMENT)
 
 # --- CogAgent
 
@@ -166,7 +167,9 @@ def _cogagent_calls(reply: object) -> list[ActionCall]:
     return python_calls(_only(answer, start, len(answer)), "cogagent", (*_COGAGENT,), _COG_EXAMPLE)
 
 
-COGAGENT = CallReader("cogagent", {**_COGAGENT, "END": end_rule("done")}, _cogagent_calls)
+COGAGENT = CallReader(
+    "cogagent", {**_COGAGENT, "END": end_rule("done")}, _cogagent_calls, remarks=_ELEMENT
+)
 
 # --- AutoGLM
 

@@ -1,4 +1,4 @@
-"""Refuse fields that a typed dialect does not have and that may hold coordinates."""
+"""Refuse fields of an action that would stay unmapped, or be ignored when it is carried out."""
 
 import re
 from collections.abc import Collection, Mapping
@@ -18,6 +18,9 @@ _NUMBER = re.compile(r"\d")
 _NUMERIC = re.compile(r"[^\w]*-?\d[\d\s.,;:()\[\]<>x-]*")
 _TAG = re.compile(r"</?\w+>|<\|\w+\|>")  # <point>5 6</point>
 _MAX_DEPTH = 5
+_ASK_NOTHING: tuple[object, ...] = (None, False, "", [], {}, ())
+# Fields in which a model explains an action.
+_EXPLANATIONS = frozenset({"description", "explanation", "intent", "reason", "thought"})
 
 
 def check_fields(fields: Mapping[str, Any], known_names: Collection[str], label: str) -> None:
@@ -34,6 +37,22 @@ def check_fields(fields: Mapping[str, Any], known_names: Collection[str], label:
             raise ActionError(
                 f"{label} has no field {name!r}, got {short_repr(value)}, which would stay unmapped"
                 f"{suggest(name.lower(), known_names)}"
+            )
+
+
+def check_carried_out(fields: Mapping[str, Any], read_names: Collection[str], label: str) -> None:
+    """Check that no field of an action that is carried out says something that is not done.
+
+    Empty fields, zero and false ask for nothing.
+
+    Raises:
+        ActionError: a field is not read, such as the `button` of an action that clicks left.
+    """
+    for name, value in fields.items():
+        if name not in read_names and name not in _EXPLANATIONS and value not in _ASK_NOTHING:
+            raise ActionError(
+                f"{label} does not take {name!r}, got {short_repr(value)}, which would be ignored;"
+                " leave it out"
             )
 
 
