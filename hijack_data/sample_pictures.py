@@ -243,13 +243,14 @@ def swapped(value: Any, new: Mapping[int, Any]) -> Any:
 
 
 def read_once(value: Any) -> Any:
-    """Return a value with dictionaries for other mappings, which may make values at each look."""
+    """Return a value with a dictionary for each mapping that makes its values at each look.
+
+    What is put back later is found by its identity.
+    """
     original: Any = value
     if isinstance(value, Mapping):
         new = {key: read_once(part) for key, part in original.items()}
-        if type(original) is dict and all(new[key] is original[key] for key in new):
-            return cast("Any", original)
-        return new
+        return original if all(new[key] is original[key] for key in new) else new
     if isinstance(value, list | tuple) and not is_plain(original):
         parts = [read_once(part) for part in original]
         is_same = all(part is item for part, item in zip(parts, original, strict=True))

@@ -3,7 +3,7 @@
 import itertools
 import subprocess
 import sys
-from collections import deque
+from collections import UserDict, deque
 from collections.abc import Mapping
 from types import SimpleNamespace
 from typing import Any
@@ -254,6 +254,12 @@ class _DecodedAtEachLook(Mapping):
 def test_pictures_that_a_mapping_decodes_at_each_look_are_corrupted():
     out = tr.Marks(seed=1)({"inner": _DecodedAtEachLook(), "id": 1})
     assert out["inner"]["image"].any()
+
+
+def test_a_mapping_of_another_type_that_holds_its_values_stays_as_it_is():
+    inputs = UserDict(tokens=[1, 2], texts={"question": "?"})
+    out = tr.Marks(seed=1)({"image": np.zeros((360, 640, 3), np.uint8), "inputs": inputs, "id": 1})
+    assert out["inputs"] is inputs
 
 
 @pytest.mark.parametrize("scale", [1, 0.5])
