@@ -12,6 +12,8 @@ from hijack_data.drawing.raster import png_recipe
 from hijack_data.errors import ImageError, ImageTypeError, ParameterError
 from hijack_data.plan import Paste, Plan, Resample
 
+from support.resizing import resize_with_pillow
+
 torch = pytest.importorskip("torch")
 jnp = pytest.importorskip("jax.numpy")
 
@@ -159,7 +161,7 @@ def test_any_sprite_anywhere(data):
 def test_resampling_gives_pillows_bytes(h, w, oh, ow):
     image = picture((h, w))
     plan = Plan("test-v1", (h, w), ops=(Resample((oh, ow)),))
-    expected = np.asarray(Image.fromarray(image).resize((ow, oh), Image.Resampling.BICUBIC))
+    expected = resize_with_pillow(image, (oh, ow))
     assert np.array_equal(hj.apply(plan, image), expected)
     assert np.array_equal(back(hj.apply(plan, to(image, "torch")), "torch"), expected)
     from hijack_data.kernels.torch_ops import resample_ops
@@ -174,7 +176,7 @@ def test_resampling_gives_pillows_bytes(h, w, oh, ow):
 def test_jax_resampling_gives_pillows_bytes(h, w, oh, ow):
     image = picture((h, w))
     plan = Plan("test-v1", (h, w), ops=(Resample((oh, ow)),))
-    expected = np.asarray(Image.fromarray(image).resize((ow, oh), Image.Resampling.BICUBIC))
+    expected = resize_with_pillow(image, (oh, ow))
     assert np.array_equal(np.asarray(hj.apply(plan, jnp.asarray(image))), expected)
     assert np.array_equal(np.asarray(jax_operations(plan, jnp.asarray(image))), expected)
 

@@ -4,7 +4,6 @@ Numba."""
 import sys
 
 import numpy as np
-import PIL
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -17,23 +16,13 @@ from hijack_data.kernels.cpu import jit, resize
 from hijack_data.kernels.cpu.pixels import resample_plain
 
 from support.guarded import run
+from support.resizing import resize_with_pillow
 
 needs_numba = pytest.mark.skipif(
     not jit.available(), reason="needs Numba: pip install 'agenthijack[fast]'"
 )
 
 SIDE = st.one_of(st.integers(1, 20), st.integers(1, 150))
-
-
-def pillow(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """The bytes of Pillow 13, which has its own order of passes for tall pictures."""
-    source = Image.fromarray(np.ascontiguousarray(image))
-    h, w = size
-    if int(PIL.__version__.split(".")[0]) < 13 and image.shape[0] - h > max(
-        0, 2 * (image.shape[1] - w)
-    ):
-        source = source.resize((image.shape[1], h), Image.Resampling.BICUBIC)
-    return np.asarray(source.resize((w, h), Image.Resampling.BICUBIC))
 
 
 def picture(seed: int, height: int, width: int, contrast: bool = False) -> np.ndarray:
@@ -89,7 +78,9 @@ LAYOUTS = {
 def test_gives_the_bytes_of_pillow(seed, source, size, contrast, layout, threads):
     image = picture(seed, *source, contrast)
     strided = LAYOUTS[layout](image)
-    np.testing.assert_array_equal(resize.resample(strided, size, threads), pillow(image, size))
+    np.testing.assert_array_equal(
+        resize.resample(strided, size, threads), resize_with_pillow(image, size)
+    )
     np.testing.assert_array_equal(strided, image)
 
 
@@ -98,7 +89,7 @@ def test_gives_the_bytes_of_pillow(seed, source, size, contrast, layout, threads
 def test_every_memory_layout(layout):
     image = picture(3, 45, 83)
     np.testing.assert_array_equal(
-        resize.resample(LAYOUTS[layout](image), (30, 50)), pillow(image, (30, 50))
+        resize.resample(LAYOUTS[layout](image), (30, 50)), resize_with_pillow(image, (30, 50))
     )
 
 
@@ -126,7 +117,7 @@ def test_extreme_and_tall_pictures(source, size, layout, contrast):
     image = picture(1, *source, contrast)
     for threads in (1, 2):
         np.testing.assert_array_equal(
-            resize.resample(LAYOUTS[layout](image), size, threads), pillow(image, size)
+            resize.resample(LAYOUTS[layout](image), size, threads), resize_with_pillow(image, size)
         )
 
 
@@ -144,7 +135,7 @@ LONG = [
 def test_long_sides_are_resized_with_numba_and_without(source, size):
     """Beyond 65536 pixels a side, as the pictures of whole web pages are."""
     image = picture(2, *source)
-    expected = pillow(image, size)
+    expected = resize_with_pillow(image, size)
     np.testing.assert_array_equal(resample_plain(image, size), expected)
     if jit.available():
         np.testing.assert_array_equal(resize.resample(image, size), expected)
@@ -157,7 +148,7 @@ def test_a_long_plan_does_not_depend_on_numba(monkeypatch):
     expected = hj.apply(plan, image)
     monkeypatch.setattr(jit, "available", lambda: False)
     assert np.array_equal(hj.apply(plan, image), expected)
-    assert np.array_equal(expected, pillow(image, (64, 128_000)))
+    assert np.array_equal(expected, resize_with_pillow(image, (64, 128_000)))
 
 
 def test_the_tables_that_are_remembered_are_bounded(monkeypatch):
@@ -175,7 +166,7 @@ def test_a_real_screenshot(shared_data):
     image = np.asarray(Image.open(path).convert("RGB"))
     assert not image.flags.writeable
     size = (image.shape[0] * 2 // 3, image.shape[1] * 2 // 3)
-    np.testing.assert_array_equal(resize.resample(image, size), pillow(image, size))
+    np.testing.assert_array_equal(resize.resample(image, size), resize_with_pillow(image, size))
 
 
 @needs_numba
@@ -194,7 +185,7 @@ def test_the_result_has_the_memory_layout_of_the_input(size):
 @pytest.mark.parametrize("size", [(21, 40), (3, 5)])
 def test_batches(size, threads):
     batch = np.stack([picture(seed, 37, 50) for seed in range(4)])
-    expected = np.stack([pillow(image, size) for image in batch])
+    expected = np.stack([resize_with_pillow(image, size) for image in batch])
     last = resize.resample(batch, size, threads)
     first = resize.resample(channels_first(batch), size, threads)
     every_second = resize.resample(batch[::2], size, threads)
@@ -250,7 +241,8 @@ def test_compiles_without_a_cache_when_no_folder_is_writable():
             raise RuntimeError("no locator available")
         return lambda function: function
 
-    assert jit.compile_now(njit, pillow, "signature") is pillow
+    function = resize_with_pillow
+    assert jit.compile_now(njit, function, "signature") is function
     assert compilations == [("signature", True, True), ("signature", True, False)]
 
 
