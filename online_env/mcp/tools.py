@@ -126,7 +126,10 @@ class _Tools:
 
     def keys(self, keys: KeyNames) -> ToolAnswer:
         """Press keys together, such as ["enter"] or ["ctrl", "a"]."""
-        return self._act(action_code("hotkey", *map(_check_key, keys)))
+        names = [_check_key(key) for key in keys]
+        if len(names) > 1:  # a capital letter alone is Shift and its key; in Ctrl+S it is the key
+            names = [name.lower() for name in names]
+        return self._act(action_code("hotkey", *names))
 
     def scroll(
         self, x: PixelCoordinate, y: PixelCoordinate, down: WheelClicks = 0, right: WheelClicks = 0
@@ -217,7 +220,7 @@ def _check_key(key: str) -> str:
     name = key.lower()
     if len(name) > 1 and name not in NAMED:
         raise ToolError(f"there is no key {key!r}{suggest(name, NAMED)}")
-    return name
+    return name if len(name) > 1 else key
 
 
 def _image(turn: ClientView) -> Image:

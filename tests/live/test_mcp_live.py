@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import anyio
@@ -24,6 +25,8 @@ import httpx2
 from mcp import Client, StdioServerParameters
 from mcp.client.streamable_http import streamable_http_client
 from mcp.shared.exceptions import MCPError
+
+from online_env.mcp.tools import _Tools
 
 TOKEN = "correct-horse-battery-staple"
 LINE = re.compile(r"(\S+) '(.*)' at \((\d+), (\d+)\)")
@@ -126,6 +129,15 @@ def is_running(process: Path) -> bool:
 @pytest.fixture(autouse=True)
 def chromium_here() -> None:
     needs.chromium()
+
+
+def test_a_capital_letter_is_shift_alone_and_none_in_a_combination() -> None:
+    acted: list[str] = []
+    client: Any = SimpleNamespace(act=acted.append)
+    tools = _Tools(client, None, lambda: None)
+    tools.keys(["G"])
+    tools.keys(["Ctrl", "S"])
+    assert acted == ["pyautogui.hotkey('G')", "pyautogui.hotkey('ctrl', 's')"]
 
 
 def test_a_corrupted_browser_task_to_its_score_over_stdio(tmp_path: Path) -> None:
