@@ -248,10 +248,12 @@ def read_once(value: Any) -> Any:
     What is put back later is found by its identity.
     """
     original: Any = value
+    if is_plain(original):
+        return original
     if isinstance(value, Mapping):
         new = {key: read_once(part) for key, part in original.items()}
         return original if all(new[key] is original[key] for key in new) else new
-    if isinstance(value, list | tuple) and not is_plain(original):
+    if isinstance(value, list | tuple):
         parts = [read_once(part) for part in original]
         is_same = all(part is item for part, item in zip(parts, original, strict=True))
         return original if is_same else rebuilt(original, parts)

@@ -35,6 +35,7 @@ def published_run(name: str) -> Run:
 @pytest.mark.parametrize("name", WITH_RECORDS)
 def test_a_report_is_that_of_its_records(name):
     report = read_report(RESULTS / name / "report.json")
+    assert report.run.name == name
     assert reports_agree(build_report(published_run(name)), report), REMEDY
 
 

@@ -87,7 +87,11 @@ class Run:
         """The last record of each case: agent, condition, task, the task's seed and the seed."""
         if isinstance(self.records, EpisodeColumns):
             return self.records
-        return list({_case(record): record for record in self.records}.values())
+        cases = {
+            (r["agent"], r["corruption"], r["task"], r.get("task_seed"), r["seed"]): r
+            for r in self.records
+        }
+        return list(cases.values())
 
     @cached_property
     def failures(self) -> list[ResultRecord]:
@@ -153,7 +157,7 @@ def read(folder: Path) -> Run:
     run = Run(
         folder=folder,
         config=cast("Mapping[str, Any]", head.get("config") or {}),
-        records=_order_attempts(records),
+        records=_by_attempt(records),
         damaged=damaged,
         episodes=tuple(head.get("episodes") or ()),
     )
@@ -261,31 +265,15 @@ def _read_episodes(folder: Path) -> Run:
         else:
             continue
         damaged.append(Damage(1, problem, str(path.relative_to(folder))))
-    return Run(folder=folder, records=_order_attempts(records), damaged=damaged)
+    return Run(folder=folder, records=_by_attempt(records), damaged=damaged)
 
 
-def _case(record: ResultRecord) -> tuple[str, str, str, Any, int]:
-    """Return what the attempts at an episode have in common."""
-    keys = ("agent", "corruption", "task", "task_seed", "seed")
-    return cast("Any", tuple(map(record.get, keys)))
-
-
-def _order_attempts(records: Sequence[ResultRecord]) -> list[ResultRecord]:
-    """Return records with the attempts at each case in their order, of which the last one counts.
+def _by_attempt(records: Sequence[ResultRecord]) -> list[ResultRecord]:
+    """Return records with later attempts after earlier ones, since the last one of a case counts.
 
     Lines may have been sorted or joined, and folders are sorted by name: `a10` before `a2`.
     """
-    places: dict[tuple[str, str, str, Any, int], list[int]] = {}
-    for place, record in enumerate(records):
-        places.setdefault(_case(record), []).append(place)
-    ordered = list(records)
-    for case_places in places.values():
-        attempts = sorted(
-            (records[place] for place in case_places), key=lambda r: r.get("attempt") or 0
-        )
-        for place, record in zip(case_places, attempts, strict=True):
-            ordered[place] = record
-    return ordered
+    return sorted(records, key=lambda record: record.get("attempt") or 0)
 
 
 def read_record(path: Path) -> ResultRecord:
