@@ -48,6 +48,14 @@ PLANNERS = {
     "accidental_touch": AccidentalTouch(step=0),
     "app_minimization": AppMinimization(step=0),
 }
+# Playwright's names of keys by ours
+KEYS = {
+    "ctrl": "Control",
+    "enter": "Enter",
+    "esc": "Escape",
+    "left": "ArrowLeft",
+    "space": "Space",
+}
 
 
 class Player(ShownPage):
@@ -84,8 +92,7 @@ class Player(ShownPage):
                 case "write" | "typewrite":
                     self.step(f"keyboard_type({values[0]!r})")
                 case "hotkey" | "press":
-                    names = {"ctrl": "Control", "esc": "Escape", "enter": "Enter"}
-                    keys = "+".join(names.get(key, key) for key in values)
+                    keys = "+".join(KEYS.get(key, key) for key in values)
                     self.step(f"keyboard_press({keys!r})")
                 case name:
                     raise HijackError(f"no action for {name}")

@@ -7,6 +7,7 @@ from typing import Any, cast
 import gymnasium
 import numpy as np
 from gymnasium.error import ResetNeeded
+from gymnasium.wrappers import OrderEnforcing, PassiveEnvChecker, TimeLimit
 
 from hijack_data import apply
 from hijack_data.coords import CoordMap
@@ -78,7 +79,8 @@ def corrupt(
 
     Raises:
         MissingCapabilityError: A browser cannot have this corruption.
-        ParameterError: `env` is none of BrowserGym's, or the corruption changes the agent's input.
+        ParameterError: `env` is none of BrowserGym's or has wrappers of its own, or the corruption
+            changes the agent's input.
         UnknownNameError: There is no such corruption.
     """
     return CorruptedBrowserGym(
@@ -108,6 +110,7 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
             raise ParameterError(f"{type(base).__name__} is no environment of BrowserGym")
         if base.use_raw_page_output:
             raise ParameterError("use_raw_page_output gives the agent the page, not observations")
+        _check_wrappers(env)
         if planner is not None:
             _check(planner)
         self._base = base
@@ -122,7 +125,7 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._script: Script | None = None
         self._coords: CoordMap | None = None
         self._step = 0
-        self._has_begun = False  # whether steps are of an episode with all that was planned
+        self._is_running = False  # whether steps are of an episode with all that was planned
         self._digests: list[str] = []
 
     @property
@@ -145,11 +148,11 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
             EffectError: The corruption has no meaning on this task; the message has the reason.
             ParameterError: The screen is too small for it.
         """
-        self._has_begun = False
+        self._is_running = False
         self._end()
         self._step = 0
         self._digests = []
-        observation, info = self.env.reset(seed=seed)
+        observation, info = self.env.reset(seed=seed, options=options)
         size = _picture_size(observation)
         base = self._base
         self._coords = CoordMap.identity(size)
@@ -169,26 +172,29 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         self._effects = EpisodeEffects(self._browser, self._password)
         before = self._inject(script.plan(BEFORE), BEFORE)
         observation = self._observe(observation, is_old=before)
-        self._has_begun = True
+        self._is_running = True
         return observation, info
 
     def step(self, action: Any) -> tuple[Any, Any, bool, bool, dict[str, Any]]:
         """Take an action, in pixels of the screenshot that the agent sees.
 
         Raises:
-            ResetNeeded: `reset` or an earlier step has failed, or there was no `reset`.
+            ResetNeeded: There was no `reset`, it or an earlier step has failed, or the episode is
+                over.
             EffectError: An effect does not hold; the episode is over.
         """
-        if not self._has_begun or self._browser is None:
-            raise ResetNeeded("the corrupted episode has not begun, or has failed: call reset")
-        self._has_begun = False  # in case of an error
+        if not self._is_running or self._browser is None:
+            raise ResetNeeded(
+                "the corrupted episode has not begun, has failed or is over: call reset"
+            )
+        self._is_running = False  # in case of an error
         self._browser.acted = True
         observation, reward, terminated, truncated, info = self.env.step(action)
         self._step += 1
         self._resize(observation)
         is_over = terminated or truncated
         observation = self._corrupt(observation) if is_over else self._observe(observation)
-        self._has_begun = True
+        self._is_running = not is_over
         return observation, reward, terminated, truncated, info
 
     def close(self) -> None:
@@ -390,6 +396,22 @@ def _map_call(call: ast.Call, coords: CoordMap) -> None:
     call.keywords = [
         ast.keyword(word.arg, nodes.get(word.arg or "", word.value)) for word in call.keywords
     ]
+
+
+def _check_wrappers(env: "gymnasium.Env[Any, Any]") -> None:
+    """Refuse wrappers below the corruption, which asks BrowserGym for observations past them.
+
+    Raises:
+        ParameterError: There is one other than those of `gymnasium.make`.
+    """
+    while isinstance(env, gymnasium.Wrapper):
+        if not isinstance(env, (OrderEnforcing, PassiveEnvChecker, TimeLimit)):
+            name = type(cast("object", env)).__name__
+            raise ParameterError(
+                f"{name} wraps the environment, and observations after an effect would not pass"
+                f" through it: put it around the corrupted environment, {name}(corrupt(env, ...))"
+            )
+        env = cast("gymnasium.Env[Any, Any]", env.env)
 
 
 def _check(planner: Planner) -> None:

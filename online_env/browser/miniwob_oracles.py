@@ -240,8 +240,7 @@ def _click_widget(page: ShownPage) -> None:
 def _choose_from_list(page: ShownPage) -> None:
     page.click(page.find("select"))
     page.press("esc")  # the list itself is no part of the page's picture
-    for character in words.list_entry(page.query):
-        page.press("space" if character == " " else character)
+    page.type(words.list_entry(page.query))
     page.submit()
 
 

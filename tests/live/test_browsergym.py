@@ -164,7 +164,8 @@ def test_the_network_is_gone_until_the_end_and_the_validator_does_not_crash(
     assert observation["url"].startswith((pages, "chrome-error:"))
     _, reward, terminated, _, info = env.step("noop(10)")
     assert (reward, terminated) == (0.0, False) or "invalid url" in str(info)
-    env.step('report_infeasible("no network")')
+    if not terminated:
+        env.step('report_infeasible("no network")')
     env.close()
     [effect] = env.record["effects"]
     assert effect["record"]["undone"][0]["ok"]
@@ -197,6 +198,25 @@ def test_what_has_no_meaning_is_refused_with_its_reason(make: Any) -> None:
         corrupt(gymnasium.make("CartPole-v1"), None)
     with pytest.raises(HijackError):
         make("no_such_corruption")
+
+
+class Halved(gymnasium.ObservationWrapper[Any, Any, Any]):
+    """The picture at half its size."""
+
+    def observation(self, observation: dict[str, Any]) -> dict[str, Any]:
+        return {**observation, "screenshot": observation["screenshot"][::2, ::2]}
+
+
+def test_wrappers_go_around_the_corruption_and_nothing_is_played_after_the_end(make: Any) -> None:
+    env = make("multi_apps")
+    with pytest.raises(ParameterError, match=r"Halved\(corrupt\(env, ...\)\)"):
+        corrupt(Halved(env.env), "multi_apps")
+    halved = Halved(env)
+    observation, _ = halved.reset(seed=3, options={})
+    assert observation["screenshot"].shape == (360, 480, 3)  # half of 1.5 times the window
+    env.step('report_infeasible("no")')
+    with pytest.raises(ResetNeeded, match="is over"):
+        env.step("noop()")
 
 
 def test_places_are_mapped_and_what_cannot_be_is_refused() -> None:
