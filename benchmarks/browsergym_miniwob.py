@@ -49,13 +49,7 @@ PLANNERS = {
     "app_minimization": AppMinimization(step=0),
 }
 # Playwright's names of keys by ours
-KEYS = {
-    "ctrl": "Control",
-    "enter": "Enter",
-    "esc": "Escape",
-    "left": "ArrowLeft",
-    "space": "Space",
-}
+KEYS = {"ctrl": "Control", "enter": "Enter", "esc": "Escape", "left": "ArrowLeft", "space": "Space"}
 
 
 class Player(ShownPage):
