@@ -24,6 +24,7 @@ POLL_S = 0.01
 _TYPE = "_NET_WM_WINDOW_TYPE_"
 _WORD = 0xFFFFFFFF  # a client message carries unsigned 32-bit numbers
 _MESSAGE_WORDS = 5
+_PROPERTY_WORDS = 256  # of a property in one answer; the rest of a longer one takes a second
 
 
 class Screen:
@@ -50,7 +51,7 @@ class Screen:
 
     def atom(self, name: str) -> int:
         """Return the number of a name."""
-        return self.display.intern_atom(name)
+        return self.display.get_atom(name)  # asks once; intern_atom asks each time
 
     def window(self, number: int) -> Any:
         """Return the window with that id."""
@@ -63,7 +64,7 @@ class Screen:
 
     def numbers(self, window: Any, name: str) -> list[int]:
         """Return a property that is a list of numbers; empty if the window does not have it."""
-        prop = window.get_full_property(self.atom(name), X.AnyPropertyType)
+        prop = window.get_full_property(self.atom(name), X.AnyPropertyType, _PROPERTY_WORDS)
         if not prop or prop.format != 32:
             return []
         return [int(value) for value in prop.value]
@@ -75,7 +76,7 @@ class Screen:
 
     def text(self, window: Any, name: str) -> str:
         """Return a property that is a text; empty if the window does not have it."""
-        prop = window.get_full_property(self.atom(name), X.AnyPropertyType)
+        prop = window.get_full_property(self.atom(name), X.AnyPropertyType, _PROPERTY_WORDS)
         value = prop.value if prop else b""
         if isinstance(value, bytes):
             return value.decode("utf-8", "replace")

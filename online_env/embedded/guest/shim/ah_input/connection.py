@@ -67,8 +67,8 @@ class Connection:
             return
         self._pings += 1
         protocols, ping = (
-            self.display.intern_atom("WM_PROTOCOLS"),
-            self.display.intern_atom("_NET_WM_PING"),
+            self.display.get_atom("WM_PROTOCOLS"),
+            self.display.get_atom("_NET_WM_PING"),
         )
         message = event.ClientMessage(
             window=window, client_type=protocols, data=(32, [ping, self._pings, window.id, 0, 0])
@@ -101,7 +101,7 @@ class Connection:
 
     def _focused(self) -> Any:
         """The window that has the focus, or its nearest parent that answers pings, or None."""
-        ping = self.display.intern_atom("_NET_WM_PING")
+        ping = self.display.get_atom("_NET_WM_PING")
         window = self.display.get_input_focus().focus
         try:
             while not isinstance(window, int) and window.id != self.root.id:
