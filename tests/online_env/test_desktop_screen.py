@@ -100,6 +100,21 @@ def test_the_screen_is_read_from_where_the_server_draws_it(frames, stride):
     assert (guest.callers, guest.copied) == (1, [True] * 3)
 
 
+def test_what_was_drawn_since_the_last_picture_is_in_the_next(frames):
+    height, width = 130, 8
+    data = bytearray(memory(width, height))
+    value, _ = frames(bytes(data), *(frozen(width, height) for _ in range(6)))
+    descriptor = value._record["memory"]
+    start = len(data) - height * width * 4
+    for place in (0, 59 * width * 4 + 2, len(data) - start - 2):  # first, inner and last band
+        before = value.read()
+        before[...] = 7  # the caller's own
+        os.pwrite(descriptor, b"\xa5", start + place)
+        data[start + place] = 0xA5
+        drawn = np.frombuffer(data, np.uint8, offset=start).reshape(height, width, 4)
+        assert np.array_equal(value.read(), drawn[..., 2::-1])
+
+
 def test_the_pointer_is_blended_over_it_as_far_as_it_is_inside(frames):
     argb = np.array([[0xFF010203, 0x80400000], [0x00000000, 0xFFFFFFFF]], np.uint32)
     pointer = PointerImage(-1, 3, argb)

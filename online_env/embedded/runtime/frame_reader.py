@@ -25,6 +25,7 @@ MAX_ANSWER_BYTES = 1 << 20  # bytes of the guest's answer
 _HEADER = struct.Struct(">25I")
 _COLOUR = 12  # bytes of an entry of the colour map, which lies between header and pixels
 _MASKS = (0xFF0000, 0xFF00, 0xFF)
+_BAND = 60  # rows that are compared, and converted, together
 
 
 class FrameReader:
@@ -39,6 +40,7 @@ class FrameReader:
         self._lock = threading.Lock()
         self._guest: socket.socket | None = None
         self._pixels: UInt8Array | None = None
+        self._copy = _RgbCopy()
 
     def read(self) -> UInt8Array:
         """Return the screen with the pointer drawn, the picture that the guest server would send.
@@ -63,7 +65,7 @@ class FrameReader:
             self._drop()
 
     def _take(self) -> UInt8Array:
-        """Copy the screen while the guest has frozen it (about 2 ms).
+        """Copy the screen while the guest has frozen it (1 to 4 ms).
 
         Raises:
             ValueError: The sizes do not fit.
@@ -78,7 +80,7 @@ class FrameReader:
             raise ValueError(
                 f"the screen is {frozen.width}x{frozen.height}, its memory {width}x{height}"
             )
-        image = to_rgb(pixels[: frozen.height, : frozen.width])
+        image = self._copy.update(pixels[: frozen.height, : frozen.width])
         if time.monotonic() > frozen.until:
             raise TimeoutError(
                 "copying the screen took so long that the guest let it go: it may be two halves"
@@ -106,6 +108,31 @@ class FrameReader:
             self._guest.close()
         self._guest = None
         self._pixels = None
+
+
+class _RgbCopy:
+    """The last picture, so that only what differs from it is converted.
+
+    Most actions change a small part of the screen, and comparing takes a tenth of converting.
+    """
+
+    def __init__(self) -> None:
+        self._bgrx = np.empty((0, 0, 4), np.uint8)
+        self._rgb = np.empty((0, 0, 3), np.uint8)
+
+    def update(self, pixels: UInt8Array) -> UInt8Array:
+        """Return pixels in X's order, `[H, W, 4]`, as a new RGB picture `[H, W, 3]`."""
+        if pixels.shape != self._bgrx.shape:
+            self._bgrx = pixels.copy()
+            self._rgb = to_rgb(self._bgrx)
+            return self._rgb.copy()
+        for top in range(0, len(pixels), _BAND):
+            rows = slice(top, top + _BAND)
+            band = self._bgrx[rows]
+            if not np.array_equal(pixels[rows].view(np.uint32), band.view(np.uint32)):
+                band[...] = pixels[rows]
+                self._rgb[rows] = to_rgb(band)
+        return self._rgb.copy()
 
 
 def _pixels(path: str) -> UInt8Array:
