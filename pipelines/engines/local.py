@@ -1,11 +1,8 @@
 """Make shards in this process, or in several on this machine."""
 
 import multiprocessing
-import multiprocessing.connection
 import os
 import pickle
-import signal
-import threading
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -18,6 +15,7 @@ from ..building.shards import ONE_THREAD, ShardTask, build_shard
 from ..building.step_rows import RowSettings
 from ..dataset.shard import ShardRecord
 from ..errors import RESUME, BuildError
+from ..worker_processes import begin_worker
 
 # Tasks queued for each worker: enough that no worker idles, few enough that the source is not read
 # into memory.
@@ -103,13 +101,4 @@ def _check_picklable(settings: RowSettings) -> None:
 
 def _start_worker() -> None:
     os.environ.update(ONE_THREAD)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C and stops the pool
-    threading.Thread(target=_exit_with_parent, daemon=True).start()
-
-
-def _exit_with_parent() -> None:
-    # Without this, a worker would wait for work forever after its parent was killed with SIGKILL.
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        multiprocessing.connection.wait([parent.sentinel])
-        os._exit(1)
+    begin_worker()

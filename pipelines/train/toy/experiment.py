@@ -14,6 +14,7 @@ from hijack_data.file_io import make_folder, read_versioned_json, replace_atomic
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 
+from ...worker_processes import begin_worker
 from ..errors import TrainError
 from ..replay import ReplayBuffer, read_tensors
 from ..rollouts import Rollout, RolloutRequest, play
@@ -254,6 +255,6 @@ def _run_all(jobs: Sequence[ToyJob], workers: int, say: Say) -> None:
             say(run_job(job))
         return
     context = multiprocessing.get_context("spawn")
-    with context.Pool(min(workers, len(jobs))) as pool:
+    with context.Pool(min(workers, len(jobs)), begin_worker) as pool:
         for line in pool.imap_unordered(run_job, jobs):
             say(line)

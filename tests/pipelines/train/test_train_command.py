@@ -1,6 +1,8 @@
 """`hijack train`: a small replication from start to end, resumed, and every mistake named."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -18,6 +20,8 @@ from pipelines.train.toy import results
 from pipelines.train.toy.arms import ARMS
 from pipelines.train.toy.settings import load_replication
 from pipelines.train.train_command import train
+
+from support.waiting import until
 
 ROOT = Path(__file__).parents[3]
 VISUAL = {
@@ -94,6 +98,19 @@ def test_from_start_to_end_and_again(config, tmp_path):
     assert "without the replay buffer" in more.stdout
     with pytest.raises(TrainError, match="holds a replication with other epochs"):
         run(config, "--out", out, "--resume", "--epochs", 3)
+
+
+def test_workers_end_with_a_replication_that_is_killed(config, tmp_path):
+    config.write_text(SMALL.replace("\nepochs: 2", "\nepochs: 10000"))
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "hijack_data", "train", config, "--out", out, "--workers", "2"]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as process:
+        until(lambda: len(list(out.glob("*/steps.jsonl"))) == 2, "two runs")
+        tasks = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        children = [Path("/proc") / pid for pid in tasks.read_text().split()]
+        process.kill()
+    assert len(children) >= 2
+    until(lambda: not any(child.exists() for child in children), "their end")
 
 
 def test_a_dry_run_lists_the_runs(config, tmp_path):
