@@ -36,7 +36,7 @@ from .config import (
 from .episodes import LiveEpisodes
 from .estimates import estimate, history_near
 from .jobs import Job, attempts, jobs
-from .models import ModelOptions, check_agents, prepare
+from .models import ModelOptions, check_agents, model_locations, prepare
 from .plan_set import read_plan_set
 from .playable import check_machines, only_playable
 from .pools import LOCAL, EpisodePool, open_pool
@@ -356,7 +356,7 @@ def _play(
 
     finished = sum(not needs_attempt(earlier[job], benchmark.retries) for job in planned_jobs)
     display = ProgressDisplay(planned_jobs, console(), finished)
-    budget = _budget(out, models.max_cost)
+    budget = _budget(benchmark, out, models.max_cost)
 
     def run(episodes: Callable[[Job, int], records.ResultRecord], stop: Any = None) -> None:
         run_jobs(
@@ -382,11 +382,11 @@ def _play(
             pool.stop()
 
 
-def _budget(out: Path, limit: float | None) -> costs.Budget | None:
+def _budget(benchmark: Bench, out: Path, limit: float | None) -> costs.Budget | None:
     """Return the remaining budget of a run; its journal is read once to compute it."""
     if limit is None:
         return None
-    return costs.Budget(limit, records.read(out).records)
+    return costs.Budget(limit, records.read(out).records, model_locations(benchmark))
 
 
 def _notice(text: str) -> None:
