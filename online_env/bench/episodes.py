@@ -171,6 +171,11 @@ class LiveEpisodes:
             if isinstance(agent, AgentThread):
                 agent.close()
 
+    @property
+    def hung_in_judging(self) -> bool:
+        """Whether judging the last episode did not end in its time."""
+        return getattr(self._stage, "hung_in_judging", False)
+
     def desktop_works(self) -> bool:
         """Return whether the desktop can play another episode, after one that failed."""
         if getattr(self._stage, "was_not_reverted", False):
