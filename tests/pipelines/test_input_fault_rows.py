@@ -226,6 +226,18 @@ def test_verify_refutes_a_lost_action_by_the_rows_alone(recording, tmp_path):
         assert any(expected in text for text in problems)
 
 
+def test_verify_names_the_trajectories_that_lack_a_clean_row(recording, tmp_path):
+    source = recording(trajectories=2)
+    picture = source / "images/t1-0.png"
+    picture.write_bytes(picture.read_bytes()[:-100])
+    build(source, tmp_path / "set", corruptions="missed_input:step=1")
+    report = verify(tmp_path / "set")
+    assert report.ok
+    (note,) = report.unproved
+    assert note.startswith("the rows of missed_input of t1 were not made again")
+    assert verify(tmp_path / "set", source=source).lines()[1:] == []
+
+
 def test_actions_that_cannot_be_done_again_and_mixed_labels_are_refused(recording, tmp_path):
     source = recording(trajectories=1, steps=2)
     lines = [json.loads(line) for line in (source / "trajectories.jsonl").read_text().splitlines()]
