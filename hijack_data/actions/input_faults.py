@@ -11,7 +11,7 @@ that one action presses and another one releases is never left half pressed.
 
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, cast, get_args
 
@@ -195,6 +195,8 @@ class WaitingFaults:
 def alter_code(code: str, fault: InputFault, size: Size, boxes: BoxArray) -> str | None:
     """Return the code that arrives under one fault, or `None` if the fault cannot hit it.
 
+    An offset hits no action that arrives where it aimed all the same.
+
     Args:
         code: an action, in pixels of the screen.
         fault: what happens to it.
@@ -221,7 +223,9 @@ def alter_code(code: str, fault: InputFault, size: Size, boxes: BoxArray) -> str
         shift = _scaled_shift(shift, point, boxes)
     from .dialects.pyautogui_code import map_code  # loads every dialect
 
-    return map_code(code, _Shifted(size, size, shift=_inside(shift, point, size)))
+    altered = map_code(code, _Shifted(size, size, shift=_inside(shift, point, size)))
+    # At an edge of the screen, nothing may land elsewhere.
+    return None if _input_points(altered, size) == _input_points(code, size) else altered
 
 
 def can_hit(fault: InputFault, calls: Sequence[PyautoguiCall]) -> bool:
@@ -302,18 +306,41 @@ def first_press(code: str, size: Size) -> Point | None:
     Raises:
         ActionError: the code is beyond the grammar.
     """
+    for call, start, _ in _pointer_path(code, size):
+        if call.function in POINTER and call.function not in (*_MOVES, *_WHEELS, "mouseUp"):
+            return start
+    return None
+
+
+def _input_points(code: str, size: Size) -> list[Point | None]:
+    """Return where the pointer is at each press, release, turn of the wheel and key of some code.
+
+    `None` stands for where it happens to be.
+    """
+    points: list[Point | None] = []
+    for call, start, end in _pointer_path(code, size):
+        if call.function not in _MOVES:
+            points += [start, end]
+    return points
+
+
+def _pointer_path(
+    code: str, size: Size
+) -> Iterator[tuple[PyautoguiCall, Point | None, Point | None]]:
+    """Yield the calls of pointer and keyboard, and where the pointer is as each acts and after it.
+
+    A drag acts where the pointer is, and moves it; any other call acts where it moves the pointer.
+    """
     source = ParsedSource(code)
     pointer: Point | None = None
     for call in read_calls(source, LIVE_FUNCTIONS):
-        if call.function not in POINTER:
-            continue
-        x, y, _ = read_coordinates(source, call, Scaling(size, size))
-        is_drag = call.function in _DRAGS  # presses where the pointer is, and moves on
-        if not is_drag:
+        start = pointer
+        if call.function in POINTER:
+            x, y, _ = read_coordinates(source, call, Scaling(size, size))
             pointer = _pointer_after(pointer, x, y, "x" in POINTER[call.function], size)
-        if is_drag or call.function not in (*_MOVES, *_WHEELS, "mouseUp"):
-            return pointer
-    return None
+        elif call.function not in KEYBOARD:
+            continue
+        yield call, start if call.function in _DRAGS else pointer, pointer
 
 
 def _pointer_after(

@@ -68,6 +68,11 @@ class ModelSettings:
     timeout: float = 180.0
     prices: TokenPrices | None = None
 
+    @property
+    def location(self) -> str:
+        """The model and where it is asked, for messages."""
+        return f"{self.model} at {self.base_url or f'the API of {self.client}'}"
+
 
 @dataclass(frozen=True, kw_only=True)
 class KnownError:

@@ -65,7 +65,7 @@ from .machine_options import MORE, machine_options
     "--plans",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="The corruptions of a worst.json of hijack search; without CONFIG its tasks, too.",
+    help="Corruptions of a worst.json of hijack search; without CONFIG its tasks and agent, too.",
 )
 @click.option(
     "--severities",

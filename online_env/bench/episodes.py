@@ -27,6 +27,7 @@ from ..environment.script import Script, check_corruptions
 from ..environment.settle import Settle
 from ..environment.stage import TaskStage
 from ..errors import DesktopError, MissingCapabilityError
+from ..results.costs import USAGE_PROBLEM
 from ..results.records import ResultRecord
 from .config import Bench
 from .jobs import Job
@@ -144,6 +145,7 @@ class LiveEpisodes:
                 **record,
                 "cause": "agent",
                 "traceback": list(error.frames),
+                "usage": None,
                 GIVEN: list(inputs),
             }
         try:
@@ -168,6 +170,11 @@ class LiveEpisodes:
             _call_agent(agent.reset)
             if isinstance(agent, AgentThread):
                 agent.close()
+
+    @property
+    def hung_in_judging(self) -> bool:
+        """Whether judging the last episode did not end in its time."""
+        return getattr(self._stage, "hung_in_judging", False)
 
     def desktop_works(self) -> bool:
         """Return whether the desktop can play another episode, after one that failed."""
@@ -393,7 +400,7 @@ def _store_usage(env: EpisodeEnv, agent: RunningAgent, guarded: Guarded | None) 
     except AgentGoneError:
         return
     except AgentError as error:
-        usage = {"problem": f"usage cannot be kept: {error}"[:MAX_PROBLEM_CHARS]}
+        usage = {USAGE_PROBLEM: f"usage cannot be kept: {error}"[:MAX_PROBLEM_CHARS]}
     if guarded is not None:
         usage = joint_usage(usage, guarded.onlooker.usage)
     if usage is not None:
@@ -422,7 +429,8 @@ def lost_record(job: Job, attempt: int, problem: str, *, start: float) -> Result
         problem: Why the episode left no record.
         start: When the episode began: a `time.monotonic()` of this process.
     """
-    return {**_blank_record(job, attempt, problem, start), "status": "error"}
+    usage = {USAGE_PROBLEM: "the episode left no record of its usage"}
+    return {**_blank_record(job, attempt, problem, start), "status": "error", "usage": usage}
 
 
 def _failed_start_record(record: ResultRecord | None, error: ResultRecord) -> ResultRecord:

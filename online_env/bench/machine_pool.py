@@ -1,7 +1,8 @@
 """The machines of a user, on which episodes are played side by side, with failover.
 
 A machine that does not start, or fails twice in a row, is taken out; its episode is played again on
-another one, as another attempt. The run ends when none is left, and `--resume` goes on.
+another one, as another attempt. The run ends when none is left, and `--resume` goes on. A task
+whose judging hangs counts against a machine once, and against none once it hung on two.
 """
 
 import threading
@@ -22,11 +23,17 @@ MAX_FAILURES = 2  # failures of a machine in a row until it is taken out
 
 
 class MachineFailureError(DesktopError):
-    """A machine failed during an episode, whose record is `record`."""
+    """A machine failed during an episode.
 
-    def __init__(self, record: ResultRecord) -> None:
+    Args:
+        record: That of the episode.
+        hung_in_judging: Whether judging the task did not end in its time.
+    """
+
+    def __init__(self, record: ResultRecord, hung_in_judging: bool = False) -> None:
         self.record = record
-        super().__init__(record)
+        self.hung_in_judging = hung_in_judging
+        super().__init__(record, hung_in_judging)
 
     def __str__(self) -> str:
         return str(self.record.get("problem"))
@@ -72,6 +79,7 @@ class MachinePool:
         self._free = seats  # more than play at once: the others stand by
         self._in_use: set[_Seat] = set()
         self._lost: dict[str, str] = {}
+        self._hung: dict[str, list[_Seat]] = {}  # by task
         self._stopped = False
         self._local = threading.local()
 
@@ -111,22 +119,44 @@ class MachinePool:
                 self._local.seat = None  # nothing to give back, should none be left
                 self._local.seat = self._take()
         start = time.monotonic()
+        hung_in_judging = False
         try:
             record = worker.play(job, attempt)
         except MachineFailureError as error:
             record = error.record
+            hung_in_judging = error.hung_in_judging
         except (EOFError, OSError) as error:
             problem = f"the process that played the episode ended (exit code {worker.code})"
             record = lost_record(job, attempt, f"{problem}: {error}".rstrip(": "), start=start)
         else:
             seat.failures = 0
             return record
-        seat.failures += 1
         self._close_worker(seat)
+        self._count_failure(seat, job.task if hung_in_judging else "")
         if seat.failures >= MAX_FAILURES:
             self._take_out(seat, str(record["problem"]))
         desktop = record.get("desktop") or {}
         return {**record, "desktop": {**desktop, "machine": seat.name}}
+
+    def _count_failure(self, seat: _Seat, hung_task: str) -> None:
+        """Count a failure of a machine; a task whose judging hung on two machines is at fault.
+
+        Args:
+            seat: The machine.
+            hung_task: The task whose judging hung; "" for another failure.
+        """
+        with self._changed:
+            seats = self._hung.setdefault(hung_task, []) if hung_task else []
+            if seat in seats:
+                return
+            seats.append(seat)
+            if len(seats) == 1:
+                seat.failures += 1
+            elif len(seats) == 2:
+                seats[0].failures = max(0, seats[0].failures - 1)
+        if len(seats) == 2:
+            names = " and ".join(hung_seat.name for hung_seat in seats)
+            self._notice(f"judging {hung_task} hung on {names}: the task is at fault, both play on")
 
     def stop(self) -> None:
         """End all processes, with the machines that they started."""
@@ -195,7 +225,7 @@ def _answer_calls(connection: Connection, episodes: LiveEpisodes) -> None:
         record = episodes(job, attempt)
         failed_here = record["status"] == "invalid" or record.get("cause") == "machine"
         if failed_here and not episodes.desktop_works():
-            raise MachineFailureError(record)
+            raise MachineFailureError(record, episodes.hung_in_judging)
         return record
 
     answer_calls(connection, play)

@@ -73,6 +73,18 @@ def prepare(bench: Bench, options: ModelOptions, out: Path | None) -> None:
             maker.settings.check_keys(os.environ)
 
 
+def model_locations(bench: Bench) -> dict[str, str]:
+    """Return the models that are asked in the episodes of each agent and where, in words."""
+    guard = file_makers([AGENTS.get(bench.guard)] if guards.is_file(bench.guard) else [])
+    locations: dict[str, str] = {}
+    for name in bench.agents:
+        makers = [*file_makers([AGENTS.get(name)]), *guard]
+        models = [model.location for maker in makers for model in maker.settings.models]
+        if models:
+            locations[name] = ", ".join(dict.fromkeys(models))
+    return locations
+
+
 def check_agents(bench: Bench) -> None:
     """Check that the agents of a run can be run where they are to run.
 

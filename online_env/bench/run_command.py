@@ -10,7 +10,7 @@ import click
 
 from hijack_data import extras
 from hijack_data.cli.terminal import console, echo
-from hijack_data.errors import ParameterError, StorageError, quantity, shorten_list
+from hijack_data.errors import HijackError, ParameterError, StorageError, quantity, shorten_list
 from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
@@ -36,7 +36,7 @@ from .config import (
 from .episodes import LiveEpisodes
 from .estimates import estimate, history_near
 from .jobs import Job, attempts, jobs
-from .models import ModelOptions, check_agents, prepare
+from .models import ModelOptions, check_agents, model_locations, prepare
 from .plan_set import read_plan_set
 from .playable import check_machines, only_playable
 from .pools import LOCAL, EpisodePool, open_pool
@@ -90,7 +90,7 @@ def run_command(
         UsageError: `out` is missing.
     """
     benchmark = override(
-        _load(config, plans),
+        _load(config, plans, agent),
         agent,
         tasks,
         corruptions,
@@ -147,12 +147,14 @@ def run_command(
     raise SystemExit(exit_code(run))
 
 
-def _load(config: str | None, plans: Path | None) -> Bench:
+def _load(config: str | None, plans: Path | None, agent: str | None) -> Bench:
     """Return the benchmark of a file, with the corruptions of a set of plans if there is one.
+
+    Without `--agent`, plans are played by the agent for which they were searched.
 
     Raises:
         HijackError: One of the files is wrong.
-        UsageError: There is no benchmark.
+        UsageError: There is no benchmark, or it has another agent than the set of plans.
     """
     if plans is None:
         if config is None:
@@ -165,6 +167,19 @@ def _load(config: str | None, plans: Path | None) -> Bench:
             f" score it with hijack score DATASET --plans {plans}"
         )
     base = load_bench(config) if config else bench_from_data(plan_set.bench or {}, str(plans))
+    if agent is None and config is None:
+        try:
+            base = override(base, agent=plan_set.agent)
+        except HijackError as error:
+            raise click.UsageError(
+                f"{plans} was searched for the agent {plan_set.agent!r}, which is not known here"
+                f" ({error}); name it, or another, with --agent"
+            ) from None
+    if agent is None and plan_set.agent not in base.agents:
+        raise click.UsageError(
+            f"{plans} was searched for the agent {plan_set.agent!r}, and {config} plays"
+            f" {', '.join(base.agents)}; say with --agent which one plays"
+        )
     return replace(base, corruptions=plan_set.planners)
 
 
@@ -341,7 +356,7 @@ def _play(
 
     finished = sum(not needs_attempt(earlier[job], benchmark.retries) for job in planned_jobs)
     display = ProgressDisplay(planned_jobs, console(), finished)
-    budget = _budget(out, models.max_cost)
+    budget = _budget(benchmark, out, models.max_cost)
 
     def run(episodes: Callable[[Job, int], records.ResultRecord], stop: Any = None) -> None:
         run_jobs(
@@ -367,11 +382,11 @@ def _play(
             pool.stop()
 
 
-def _budget(out: Path, limit: float | None) -> costs.Budget | None:
+def _budget(benchmark: Bench, out: Path, limit: float | None) -> costs.Budget | None:
     """Return the remaining budget of a run; its journal is read once to compute it."""
     if limit is None:
         return None
-    return costs.Budget(limit, records.read(out).records)
+    return costs.Budget(limit, records.read(out).records, model_locations(benchmark))
 
 
 def _notice(text: str) -> None:

@@ -20,7 +20,8 @@ from hijack_data.errors import UnknownNameError
 from ..choices import LAYERS, DrawingLayer
 from ..serving.client_options import client_options
 
-MODULES = ("mcp", "starlette", "uvicorn", "gymnasium")
+# Before version 2, the SDK has no mcp_types.
+MODULES = ("mcp", "mcp_types", "starlette", "uvicorn", "gymnasium")
 DEFAULT_TASKS = {"embedded": "write_note", "browser": "miniwob/click-test-2.html"}
 DEFAULT_SIZES = {"embedded": "1280x720", "browser": "960x720"}
 

@@ -125,10 +125,16 @@ class _Tools:
         return self._act(action_code("write", text))
 
     def keys(self, keys: KeyNames) -> ToolAnswer:
-        """Press keys together, such as ["enter"] or ["ctrl", "a"]."""
+        """Press keys together, such as ["enter"] or ["ctrl", "a"].
+
+        Raises:
+            ToolError: A key is unknown, or there twice.
+        """
         names = [_check_key(key) for key in keys]
         if len(names) > 1:  # a capital letter alone is Shift and its key; in Ctrl+S it is the key
             names = [name.lower() for name in names]
+        if len(set(names)) < len(names):
+            raise ToolError("a key is there twice, and keys are pressed together: call once each")
         return self._act(action_code("hotkey", *names))
 
     def scroll(

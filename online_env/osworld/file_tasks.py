@@ -23,7 +23,7 @@ from .. import tasks
 from ..desktops.osworld import OsworldDesktop, OsworldLike
 from ..desktops.protocol import Desktop
 from ..environment.stage import Setting, TaskHolder
-from ..errors import DesktopError, MissingPackageError
+from ..errors import DesktopError, DesktopTimeoutError, MissingPackageError
 from ..tasks.base import Task, Verdict
 from ..tasks.hand import Hand
 from ..tasks.machine import Machine
@@ -294,6 +294,7 @@ class MachineTasks(OsworldTasks):
 
     Attributes:
         was_not_reverted: Whether the last reset left the machine as the episode before it.
+        hung_in_judging: Whether OSWorld's evaluator did not end in its time.
     """
 
     def __init__(self, desktop: OsworldDesktop, files: Path | None) -> None:
@@ -302,6 +303,7 @@ class MachineTasks(OsworldTasks):
         self._makes_history = False  # where there is an internet, OSWorld downloads that file
         self._episode = ""
         self.was_not_reverted = False
+        self.hung_in_judging = False
 
     def reset(self, task: Any, seed: int) -> Setting:
         """Set up a task on a machine that no episode has used since it was reverted.
@@ -309,6 +311,7 @@ class MachineTasks(OsworldTasks):
         Raises:
             DesktopError: The machine was not reverted, or a step of the setup failed.
         """
+        self.hung_in_judging = False
         try:
             setting = super().reset(task, seed)
         except DesktopError:
@@ -331,8 +334,13 @@ class MachineTasks(OsworldTasks):
 
         Raises:
             DesktopError: The machine was reverted meanwhile, or another run used it.
+            DesktopTimeoutError: The evaluator did not end in its time.
         """
-        verdict = super().evaluate(history)
+        try:
+            verdict = super().evaluate(history)
+        except DesktopTimeoutError:
+            self.hung_in_judging = True
+            raise
         result = self._desktop.execute(["cat", EPISODE_MARK])
         if result.output.strip() != self._episode:
             raise DesktopError(

@@ -91,13 +91,13 @@ def fraction_note(run: Run) -> Iterator[str]:
 
 
 def design_notes(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
-    """Yield how results of another harness were compared, and what they do not tell."""
-    if run.config.get("kind") != RESULTS:
-        return
+    """Yield how conditions were compared, and what the results of another harness do not tell."""
     if not groups.paired:
         yield UNPAIRED_NOTE
     else:
         yield from _partner_note(groups)
+    if run.config.get("kind") != RESULTS:
+        return
     left_out = run.config["left_out_by_common_tasks"]
     if left_out:
         yield f"Without {quantity(left_out, 'result')} of tasks that not all conditions have."
@@ -156,9 +156,10 @@ def _partner_note(groups: scores.GroupedRecords) -> Iterator[str]:
     """Yield how many results have no partner, and are in no difference."""
     unpaired: dict[str, int] = {}
     for (agent, label), cell in groups.scored.items():
-        clean = groups.scored.get((agent, CLEAN), {})
-        alone = len(cell) - len(scores.pairs(clean, cell)[0])
-        if label != CLEAN and clean and alone:
+        if label == CLEAN or not groups.scored.get((agent, CLEAN)):
+            continue
+        alone = len(cell) - len(scores.pairs_in_cell((agent, label), groups)[0])
+        if alone:
             unpaired[f"{agent} under {label}"] = alone
     if unpaired:
         listed = ", ".join(f"{name} {count}" for name, count in unpaired.items())

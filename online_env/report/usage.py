@@ -1,7 +1,6 @@
 """An agent's usage: actions, seconds, tokens and money, from the records of its episodes."""
 
 from collections.abc import Iterable, Sequence
-from math import isnan, nan
 from statistics import fmean
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from hijack_data.runs.amounts import is_amount
 
 from ..results.costs import COUNTS, has_counts, lacks_counts
-from ..results.episode_columns import CellEpisodes
+from ..results.episode_columns import CellEpisodes, Floats
 from ..results.reading import ResultRecord
 from ..results.scores import counts
 
@@ -47,19 +46,26 @@ def column_means(cells: Sequence[CellEpisodes]) -> dict[str, Any]:
     """Return the usage fields of results of other harnesses, by name.
 
     Steps cover the episodes that have a score and say how many they took. Money covers all
-    episodes, and is known only if each says what it cost.
+    episodes, and is known only if each in which the agent acted says what it cost, as in `means`.
     """
     values: dict[str, Any] = {}
     steps = np.concatenate([cell.amounts("steps").scores for cell in cells])
     if steps.size:
         values["steps"] = float(steps.mean())
-    costs = [
-        cell.columns.amounts["cost"][cell.positions]
-        for cell in cells
-        if "cost" in cell.columns.amounts
-    ]
-    usd = float(np.concatenate(costs).sum()) if costs else nan
-    return values if isnan(usd) else values | {"usd": usd}
+    costs = np.concatenate([_cell_amounts(cell, "cost") for cell in cells])
+    scored = np.concatenate([cell.columns.score[cell.positions] for cell in cells])
+    taken = np.concatenate([_cell_amounts(cell, "steps") for cell in cells])
+    has_cost = ~np.isnan(costs)
+    has_acted = ~np.isnan(scored) | (taken > 0)
+    if has_cost.any() and has_cost[has_acted].all():
+        values["usd"] = float(costs[has_cost].sum())
+    return values
+
+
+def _cell_amounts(cell: CellEpisodes, name: str) -> Floats:
+    """Return what each episode of a cell took, NaN where the source does not say."""
+    amounts = cell.columns.amounts.get(name)
+    return np.full(len(cell), np.nan) if amounts is None else amounts[cell.positions]
 
 
 def _tokens(records: Iterable[ResultRecord]) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """The cost of the models of a run, computed from its records."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from hijack_data.errors import quantity
@@ -10,6 +11,7 @@ from ..errors import CostLimitError
 from .record_score import counts
 
 COUNTS = ("requests", "input_tokens", "output_tokens")
+USAGE_PROBLEM = "problem"  # the key of a usage that says why nobody knows what an episode used
 
 
 class Budget:
@@ -18,10 +20,18 @@ class Budget:
     Args:
         limit: in USD.
         records: the records of the run so far.
+        models: the models that each agent asks and where, in words; agents without are free unless
+            they count requests.
     """
 
-    def __init__(self, limit: float, records: Sequence[Mapping[str, Any]] = ()) -> None:
+    def __init__(
+        self,
+        limit: float,
+        records: Sequence[Mapping[str, Any]] = (),
+        models: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self._limit = limit
+        self._models = models
         self._spent = 0.0
         self._unknown = ""
         for record in records:
@@ -30,11 +40,14 @@ class Budget:
     def add(self, record: Mapping[str, Any]) -> None:
         """Count an episode that has ended."""
         self._spent += total_cost([record])
+        models = self._models.get(str(record.get("agent")), "")
         usage = record.get("usage")
-        if not isinstance(usage, Mapping):
-            return
-        if usage.get("requests") and not is_amount(usage.get("usd")):
-            self._unknown = str(record.get("id"))
+        counted: Mapping[str, Any] = usage if isinstance(usage, Mapping) else {}
+        has_asked = counted.get("requests") or (
+            models and (USAGE_PROBLEM in counted or lacks_counts(record))
+        )
+        if has_asked and not is_amount(counted.get("usd")):
+            self._unknown = f"{record.get('id')} cost{f' ({models})' if models else ''}"
 
     def check(self) -> None:
         """Check that another episode may begin.
@@ -44,9 +57,9 @@ class Budget:
         """
         if self._unknown:
             raise CostLimitError(
-                f"--max-cost {self._limit:g} cannot be kept: what episode {self._unknown} cost is"
-                " not known, perhaps since its endpoint counts no tokens; let it report `usage`, or"
-                " go on with --resume and without --max-cost"
+                f"--max-cost {self._limit:g} cannot be kept: what episode {self._unknown} is not"
+                " known, perhaps since its endpoint counts no tokens or it was killed; let the"
+                " endpoint report `usage`, or go on with --resume and without --max-cost"
             )
         if self._spent >= self._limit:
             raise CostLimitError(

@@ -162,7 +162,7 @@ class _RecordingFaults:
         for number, plan in self._newest(position):
             for fault in plan.inputs:
                 if self._is_hit(fault, number, position):
-                    problem = _problem(fault, step, recorded)
+                    problem = unshown_reason(fault, step, recorded)
                     return _Hit(replace(plan, inputs=(fault,)), problem=problem)
         return None
 
@@ -227,8 +227,14 @@ class _RecordingFaults:
         return next(hits) and not any(hits)
 
 
-def _problem(fault: InputFault, step: Step, recorded: Sequence[InputFault]) -> str:
-    """Return why a fault that did not happen cannot be shown; `""` if it can."""
+def unshown_reason(fault: InputFault, step: Step, recorded: Sequence[InputFault] = ()) -> str:
+    """Return why a fault that did not happen cannot be shown; `""` if it can.
+
+    Args:
+        fault: it would hit the action of the step.
+        step: of a recording.
+        recorded: the faults that hit this action when the recording was made.
+    """
     if fault.fault == "drop":
         if holds_several(step.action_code, step.action):
             return SEVERAL

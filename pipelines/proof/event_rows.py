@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+from hijack_data.actions.input_faults import can_hit
 from hijack_data.coords import CoordMap
 from hijack_data.errors import short_repr
 from hijack_data.pack import RecordedAction, find_asset
@@ -20,7 +21,7 @@ from hijack_data.types import Size
 from ..dataset.sample import Sample
 from ..edits import EDITS
 from ..edits.base import WAIT, Edit, EditedStep
-from ..edits.input_faults import fault_step
+from ..edits.input_faults import fault_step, recorded_calls, unshown_reason
 from ..edits.variants import Variant, step_after
 from ..errors import DatasetError
 
@@ -85,6 +86,11 @@ def _fault_variant(row: Mapping[str, Any], plan: Plan, sample: Sample) -> Varian
     (fault,) = plan.inputs
     if row["inserted"] and fault.fault != "drop":
         raise DatasetError(f"inserted is True, and only a run shows what {fault.fault!r} leads to")
+    if row["inserted"]:
+        is_hit = can_hit(fault, recorded_calls(sample.step))
+        reason = unshown_reason(fault, sample.step) if is_hit else "the fault cannot hit its action"
+        if reason:
+            raise DatasetError(f"inserted is True, and {reason}")
     return Variant(sample, plan, plan, fault_step(fault, inserted=row["inserted"]))
 
 

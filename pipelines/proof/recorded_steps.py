@@ -1,6 +1,7 @@
 """Find the recorded step of rows, in the dataset itself or in the recordings."""
 
 import hashlib
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hijack_data.actions.dialects.pyautogui_code import calls_pyautogui
 from hijack_data.actions.recorded_actions import SIZELESS
 from hijack_data.compose import Augmentation
 from hijack_data.corruption import Corruption
@@ -16,7 +18,7 @@ from hijack_data.labels.action_formats import own_action
 from hijack_data.labels.dataset_rows import detect_dialect
 from hijack_data.plan import CLEAN, Plan
 from hijack_data.planner import Planner, leaves
-from hijack_data.types import Action, Scene, Step, Trajectory, UInt8Array, as_target
+from hijack_data.types import Action, Scene, Size, Step, Trajectory, UInt8Array, as_target
 
 from ..building.selection import needs_boxes
 from ..building.shards import ShardTask
@@ -28,10 +30,26 @@ from ..dataset.sample import Sample
 from ..dataset.shard import ShardRecord
 from ..edits.variants import has_effects
 from ..errors import DatasetError
-from ..readers.recorded_actions import RecordedStep
+from ..readers import fields
+from ..readers.recorded_actions import PYAUTOGUI, RecordedStep
 from ..readers.recorded_pictures import picture_name, read_picture
+from ..readers.runs import Runs, altered_step
 
 OURS = "hijack_data."
+# The columns of a clean row that say which step was recorded.
+STEP_COLUMNS = (
+    "id",
+    "trajectory_id",
+    "source",
+    "step",
+    "corruption",
+    "width",
+    "height",
+    "action",
+    "action_code",
+    "target_box",
+    "extra",
+)
 
 
 @dataclass(frozen=True)
@@ -55,9 +73,18 @@ class RecordedFacts:
     tally: RowCounts = field(default_factory=RowCounts)
 
 
-def provable_settings(settings: RowSettings) -> RowSettings:
-    """Return settings with only the planners whose plans can be made again from a dataset."""
-    planners = [(label, planner) for label, planner in settings.planners if _is_provable(planner)]
+def provable_settings(settings: RowSettings, *, with_inputs: bool) -> RowSettings:
+    """Return settings with only the planners whose plans can be made again from a dataset.
+
+    Args:
+        settings: those of the build.
+        with_inputs: whether the actions of all steps are known, which faults of the input need.
+    """
+    planners = [
+        (label, planner)
+        for label, planner in settings.planners
+        if _is_provable(planner, with_inputs)
+    ]
     return RowSettings(
         planners=tuple(planners),
         seed=settings.seed,
@@ -67,10 +94,10 @@ def provable_settings(settings: RowSettings) -> RowSettings:
     )
 
 
-def _is_provable(planner: Planner) -> bool:
+def _is_provable(planner: Planner, with_inputs: bool) -> bool:
     """Return whether rows depend only on parameters, seed, trajectory, step, size and target.
 
-    Those of input faults depend on the actions before the step.
+    Those of input faults depend on the actions of the trajectory, too.
 
     Corruptions of plug-ins do not count, as they may use elements and applications without
     declaring it.
@@ -79,18 +106,25 @@ def _is_provable(planner: Planner) -> bool:
         is_ours = type(part).__module__.startswith(OURS)
         if not is_ours or not isinstance(part, Corruption | Augmentation):
             return False
-    return not has_effects(planner) and not planner.inputs and not needs_boxes(planner)
+    if has_effects(planner):
+        return False
+    # Elements decide where a slip leads on a machine, but neither its plan nor its rows.
+    return with_inputs if planner.inputs else not needs_boxes(planner)
 
 
 def recorded_step(
-    rows: list[dict[str, Any]], key: str | None, settings: RowSettings
+    rows: list[dict[str, Any]],
+    key: str | None,
+    settings: RowSettings,
+    steps: tuple[RecordedStep, ...] | None = None,
 ) -> RecordedFacts | None:
     """Return the recorded step of some rows, or `None` if they do not contain enough of it.
 
     Args:
         rows: all rows of the step, as stored.
         key: the key of its random draws, if that is not the trajectory.
-        settings: those of the build.
+        settings: those of the build, with the planners whose plans can be made again.
+        steps: all steps of the trajectory; `None` if they are not known.
 
     Raises:
         HijackError: a row is damaged.
@@ -103,16 +137,49 @@ def recorded_step(
     if clean is not None and base.sha256 != clean["image_sha256"]:
         return None
     has_picture = clean is not None or BASE in row
-    sample, has_code = _sample(row, base, key)
+    sample, has_code = _sample(row, base, key, steps)
     return RecordedFacts(sample, settings, has_picture, has_code)
 
 
-def _sample(row: Mapping[str, Any], base: BaseImage, key: str | None) -> tuple[Sample, bool]:
+def _sample(
+    row: Mapping[str, Any], base: BaseImage, key: str | None, steps: tuple[RecordedStep, ...] | None
+) -> tuple[Sample, bool]:
     """Return the step of a row as recorded, and whether the dialect of its code is known."""
     size = base.image.shape[:2]
+    step, has_code = _step(row, size)
+    trajectory = Trajectory(
+        id=row["trajectory_id"],
+        source=row["source"],
+        instruction=row["instruction"],
+        steps=steps or (step,),
+        domain=row["domain"],
+        sample=key,
+    )
+    scene = Scene(size, target=as_target(step.target_box or step.action.point))
+    return Sample(trajectory, step, base, scene), has_code
+
+
+def trajectory_step(row: Mapping[str, Any]) -> RecordedStep:
+    """Return the step of a clean row with everything that decides the rows of input faults.
+
+    Args:
+        row: its columns `STEP_COLUMNS`.
+
+    Raises:
+        HijackError, AttributeError, KeyError, TypeError, ValueError: the row is damaged.
+    """
+    step, _ = _step(row, (row["height"], row["width"]))
+    if row["source"] != Runs.name or not step.extra:
+        return step
+    entry = fields.mapping(json.loads(step.extra), "extra").get("input")
+    return altered_step(step, fields.mapping(entry, "extra.input"))
+
+
+def _step(row: Mapping[str, Any], size: Size) -> tuple[RecordedStep, bool]:
+    """Return the step of a row as recorded, and whether the dialect of its code is known."""
     action = own_action(row["action"])
     code = row["action_code"]
-    dialect = _dialect(code, action, size)
+    dialect = PYAUTOGUI if calls_pyautogui(code) else _dialect(code, action, size)
     box: Any = None if row["target_box"] is None else tuple(row["target_box"])
     step = RecordedStep(
         row["step"],
@@ -123,16 +190,7 @@ def _sample(row: Mapping[str, Any], base: BaseImage, key: str | None) -> tuple[S
         dialect=dialect or SIZELESS,
         extra=row.get("extra") or "",
     )
-    trajectory = Trajectory(
-        id=row["trajectory_id"],
-        source=row["source"],
-        instruction=row["instruction"],
-        steps=(step,),
-        domain=row["domain"],
-        sample=key,
-    )
-    scene = Scene(size, target=as_target(box or action.point))
-    return Sample(trajectory, step, base, scene), dialect is not None
+    return step, dialect is not None
 
 
 def _is_as_recorded(row: Mapping[str, Any]) -> bool:
@@ -155,7 +213,7 @@ def _picture(row: Mapping[str, Any]) -> UInt8Array:
     return np.zeros((*_size(row), 3), np.uint8)
 
 
-def _dialect(code: str, action: Action, size: tuple[int, int]) -> str | None:
+def _dialect(code: str, action: Action, size: Size) -> str | None:
     try:
         return detect_dialect(code, action, size)
     except LabelError:

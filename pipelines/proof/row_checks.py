@@ -63,6 +63,7 @@ class StepChecker:
     label_policy: str
     rejected: frozenset[str] = frozenset()
     regenerated: int = 0
+    _undrawn: str | None = None
     _last: tuple[bytes, UInt8Array] | None = None
     _is_step_picture: bool = False
 
@@ -107,6 +108,7 @@ class StepChecker:
     def _problem(self, row: dict[str, Any], expected: DrawnRow | None) -> str:
         try:
             stored = self._read_stored(row, expected)
+            self._check_undrawn(stored)
             if self.recorded is not None:
                 self._compare(stored, expected, self.recorded)
             elif BASE in row:
@@ -173,6 +175,21 @@ class StepChecker:
         if self._is_step_picture and self.recorded is not None:
             return picture_digest(self.recorded.sample.base, picture, plan)
         return pixel_sha256(picture)
+
+    def _check_undrawn(self, stored: StoredRow) -> None:
+        """Check that rows on which nothing is drawn have the same picture: that of their step.
+
+        Raises:
+            DatasetError: a row has another picture than an earlier one.
+        """
+        if stored.plan.ops:
+            return
+        digest = stored.row["image_sha256"]
+        self._undrawn = self._undrawn or digest
+        if digest != self._undrawn:
+            raise DatasetError(
+                "its plan draws nothing, and another such row of its step has another picture"
+            )
 
     # --- A row and its step
 

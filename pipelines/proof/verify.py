@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hijack_data import extras
-from hijack_data.errors import AssetError, HijackError, quantity
+from hijack_data.errors import AssetError, HijackError, quantity, shorten_list
 from hijack_data.pack import VARIABLE, AssetPack
 from hijack_data.paths import PathLike
 from hijack_data.plan import CLEAN
@@ -27,6 +27,7 @@ from ..dataset.opening import shard_rows
 from ..dataset.shard import ShardRecord
 from ..errors import DatasetError
 from ..readers.base import Rejected
+from ..readers.recorded_actions import RecordedStep
 from ..sources import Sources
 from .manifest_checks import (
     companion_files,
@@ -36,9 +37,17 @@ from .manifest_checks import (
     shard_records,
     stray_files,
 )
-from .recorded_steps import RecordedFacts, Recordings, damaged_row, provable_settings, recorded_step
+from .recorded_steps import (
+    STEP_COLUMNS,
+    RecordedFacts,
+    Recordings,
+    damaged_row,
+    provable_settings,
+    recorded_step,
+    trajectory_step,
+)
 from .row_checks import StepChecker
-from .row_order import RowOrder, ShardTally
+from .row_order import WHOLE_STEP, RowOrder, ShardTally
 
 
 @dataclass
@@ -149,12 +158,11 @@ class _Check:
         self.order = RowOrder(self.labels, bool(parameters["clean"]))
         self.planners = None if settings is None else dict(settings.planners)
         self.seed, self.label_policy = int(parameters["seed"]), str(parameters["label_policy"])
-        self.without_source = RowSettings(
-            (), self.seed, bool(parameters["clean"]), self.label_policy
-        )
-        self.without_source = (
-            self.without_source if settings is None else provable_settings(settings)
-        )
+        # What can be made again from clean rows alone: of one step, and of all of a trajectory.
+        known = settings or RowSettings((), self.seed, bool(parameters["clean"]), self.label_policy)
+        self.step_settings = provable_settings(known, with_inputs=False)
+        self.trajectory_settings = provable_settings(known, with_inputs=known.clean)
+        self.trajectories: dict[str, tuple[RecordedStep, ...]] = {}
         self.rejected = frozenset(
             entry["where"] for record in self.records for entry in record.rejected
         )
@@ -184,8 +192,9 @@ class _Check:
                 " from the seed"
             )
             return
-        proved = {label for label, _ in self.without_source.planners}
-        labels = [label for label, _ in self.settings.planners if label not in proved]
+        proved = {label for label, _ in self.trajectory_settings.planners}
+        unproved = [(label, p) for label, p in self.settings.planners if label not in proved]
+        labels = [label for label, planner in unproved if not planner.inputs]
         if labels:
             self.report.unproved.append(
                 f"the pictures of {', '.join(labels)} were drawn again from their stored plans;"
@@ -193,6 +202,22 @@ class _Check:
                 " the seed gives these plans was not checked, since they also follow from what the"
                 " dataset does not hold (elements, applications, the steps before): --source"
                 " RECORDINGS checks it, too"
+            )
+        faults = [label for label, planner in unproved if planner.inputs]
+        if faults:
+            self.report.unproved.append(
+                f"the rows of {', '.join(faults)} were not made again: that the action before was"
+                " hit as their events say is not checked without --source RECORDINGS, since it"
+                " follows from plans of plug-ins, or from actions that only clean rows hold"
+            )
+        inputs = [label for label, planner in self.settings.planners if planner.inputs]
+        partial = sorted(set().union(*map(_partial_trajectories, self.records)))
+        if partial and len(faults) < len(inputs):
+            labels = [label for label in inputs if label not in faults]
+            self.report.unproved.append(
+                f"the rows of {', '.join(labels)} of {shorten_list(partial)} were not made again,"
+                " since some steps there were rejected: that the action before was hit as their"
+                " events say is not checked without --source RECORDINGS"
             )
 
     def _tasks(self, source: PathLike | Sequence[PathLike]) -> Iterator[ShardTask]:
@@ -241,6 +266,9 @@ class _Check:
         if task is not None and self.settings is not None:
             recordings = Recordings(task, self.settings)
         try:
+            if recordings is None:
+                for problem in self._read_trajectories(file, record):
+                    self.report.problems.append(f"{name}: {problem}")
             for problem in self._check_steps(file, record, tally, recordings):
                 self.report.problems.append(f"{name}: {problem}")
         except DatasetError as error:
@@ -256,6 +284,26 @@ class _Check:
             ]
         if recordings is not None:
             self.report.problems += [f"{name}: {text}" for text in recordings.problems(record)]
+
+    def _read_trajectories(self, file: Path, record: ShardRecord) -> Iterator[str]:
+        """Read the trajectories of a file whose clean rows are all there; yield damaged rows.
+
+        Only faults of the input need them.
+        """
+        self.trajectories = {}
+        if not any(planner.inputs for _, planner in self.trajectory_settings.planners):
+            return
+        incomplete = _partial_trajectories(record)
+        steps: dict[str, list[RecordedStep]] = {}
+        for row in shard_rows(file, list(STEP_COLUMNS)):
+            try:
+                if row["corruption"] == CLEAN and row["trajectory_id"] not in incomplete:
+                    steps.setdefault(row["trajectory_id"], []).append(trajectory_step(row))
+            except HijackError as error:
+                yield f"row {row.get('id')}: {error}"
+            except (AttributeError, KeyError, RecursionError, TypeError, ValueError) as error:
+                yield f"row {row.get('id')}: {damaged_row(error)}"
+        self.trajectories = {name: tuple(items) for name, items in steps.items()}
 
     def _check_steps(
         self, file: Path, record: ShardRecord, tally: ShardTally, recordings: Recordings | None
@@ -302,9 +350,12 @@ class _Check:
         self, rows: list[dict[str, Any]], record: ShardRecord
     ) -> RecordedFacts | None:
         """Return the recorded step of some rows; a damaged row is reported by its own check."""
-        key = record.samples.get(rows[0]["trajectory_id"])
+        trajectory = rows[0]["trajectory_id"]
+        key = record.samples.get(trajectory)
+        steps = self.trajectories.get(trajectory)
+        settings = self.step_settings if steps is None else self.trajectory_settings
         try:
-            return recorded_step(rows, key, self.without_source)
+            return recorded_step(rows, key, settings, steps)
         except HijackError:
             return None
 
@@ -322,3 +373,9 @@ class _Check:
         )
         yield from proof.problems()
         self.report.regenerated += proof.regenerated
+
+
+def _partial_trajectories(record: ShardRecord) -> set[str]:
+    """Return the trajectories of a file of which a whole step was rejected."""
+    rejected = [entry for entry in record.rejected if entry.get("field") in WHOLE_STEP]
+    return {entry.get("where", "").rpartition(", step ")[0] for entry in rejected}

@@ -154,7 +154,7 @@ class _Episode(EpisodeFolder):
             raise FieldError("code", f"the action was refused: {error}")
         step = self._step(record, fields.text(record, "code"))
         if record.get("input") is not None:
-            step = _altered(step, fields.mapping(record["input"], "input"))
+            step = altered_step(step, fields.mapping(record["input"], "input"))
             self.lost = None if self.solved else step.index
         self.steps.append(step)
 
@@ -177,7 +177,7 @@ class _Episode(EpisodeFolder):
         )
 
 
-def _altered(step: RecordedStep, entry: JsonObject) -> AlteredStep:
+def altered_step(step: RecordedStep, entry: JsonObject) -> AlteredStep:
     """Return a step with the faults that changed its action, and what the machine received.
 
     Raises:

@@ -189,6 +189,8 @@ def test_the_models_own_size_of_the_picture_counts():
         ("anthropic", anthropic("key", text="ctrl+entre"), "did you mean 'enter'"),
         ("openai", openai("keypress", keys=["XF86Copy"]), "not the name of a key"),
         ("qwen3_vl", qwen(action="left_click", coordinate=[1800, 500]), "outside the 0 to 1000"),
+        ("qwen3_vl", qwen(action="key", keys=["ArrowUp", "up"]), "names 'up' more than once"),
+        ("anthropic", anthropic("key", text="ctrl c ctrl v"), "names 'ctrl' more than once"),
         ("qwen2.5_vl", qwen(action="left_click", coordinate=[0.4, 0.5]), "fractions"),
         ("qwen2.5_vl", qwen(action="open", text="x"), "no such key or gesture"),
         ("pyautogui", "pyautogui.click(1, 2)", "code already"),

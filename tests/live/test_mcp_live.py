@@ -18,12 +18,13 @@ import pytest
 
 from support import needs
 
-pytest.importorskip("mcp", reason=needs.MCP)
+pytest.importorskip("mcp.server.mcpserver", reason=needs.MCP)  # `mcp` of version 1 has none
 pytest.importorskip("miniwob", reason=needs.BROWSER)
 
 import httpx2
 from mcp import Client, StdioServerParameters
 from mcp.client.streamable_http import streamable_http_client
+from mcp.server.mcpserver.exceptions import ToolError
 from mcp.shared.exceptions import MCPError
 
 from online_env.mcp.tools import _Tools
@@ -137,6 +138,8 @@ def test_a_capital_letter_is_shift_alone_and_none_in_a_combination() -> None:
     tools = _Tools(client, None, lambda: None)
     tools.keys(["G"])
     tools.keys(["Ctrl", "S"])
+    with pytest.raises(ToolError, match="a key is there twice"):
+        tools.keys(["up", "Up"])
     assert acted == ["pyautogui.hotkey('G')", "pyautogui.hotkey('ctrl', 's')"]
 
 

@@ -13,6 +13,7 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from online_env.bench import runner
 from online_env.bench.config import load_bench, override
+from online_env.bench.episodes import lost_record
 from online_env.bench.jobs import Job, jobs
 from online_env.errors import CostLimitError
 from online_env.results import costs, reading, records, scores
@@ -474,3 +475,23 @@ def test_a_budget_is_not_kept_by_what_costs_nobody_knows_how_much():
     for usage in (spent, {"requests": 3}, {**spent, "usd": "0.1"}):  # what agents of users report
         with pytest.raises(CostLimitError, match="what episode t-clean cost is not known"):
             costs.Budget(1.0, [make_record(usage=usage)]).check()
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_known"),
+    [
+        ({"steps": 2}, False),
+        ({"usage": {"problem": "usage cannot be kept"}}, False),
+        (lost_record(Job("mine", "write_note", "clean", 0), 0, "killed", start=0.0), False),
+        ({"status": "invalid", "steps": 0}, True),
+        ({"agent": "oracle"}, True),
+    ],
+)
+def test_an_agent_with_a_model_is_free_only_where_it_asked_nothing(changes, is_known):
+    record = {**make_record(agent="mine", usage=None), **changes}
+    budget = costs.Budget(1.0, [record], {"mine": "m at http://here"})
+    if is_known:
+        budget.check()
+        return
+    with pytest.raises(CostLimitError, match=r"cost \(m at http://here\) is not known, perhaps"):
+        budget.check()

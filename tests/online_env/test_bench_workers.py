@@ -1,6 +1,7 @@
 """Processes that play episodes: what is lost when one ends, and what is not."""
 
 import os
+import pickle
 import subprocess
 import sys
 import threading
@@ -12,11 +13,14 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from hijack_data.errors import HijackError, UnknownNameError
 from online_env.agents.agent_thread import AgentError, AgentThread
+from online_env.bench import machine_pool
 from online_env.bench.config import Bench
 from online_env.bench.jobs import Job
+from online_env.bench.machine_pool import MachinePool
 from online_env.bench.runner import run_jobs
 from online_env.bench.workers import LocalPool, WorkerSetup, default_desktops
 from online_env.results import records
+from online_env.tasks.machines import MachineSettings
 
 from support import waiting
 from support.playing import serve
@@ -92,6 +96,67 @@ def test_who_ends_its_process_each_time_counts_as_a_failure(folder):
     with pool_in(folder) as pool:
         assert run_jobs([job("exits")], folder, 1, pool, Log()) == {"error": 1}
     assert [record["attempt"] for record in records.read(folder).records] == [0, 1]
+
+
+class Episodes:
+    """Plays on a machine; the task's name says what happens."""
+
+    def __call__(self, job, attempt):
+        self.hung_in_judging = job.task == "hangs"
+        cause = None if job.task == "t" else "machine"
+        return {"task": job.task, "status": "error", "cause": cause, "problem": "gone"}
+
+    def desktop_works(self):
+        return False
+
+
+class MachineProcess:
+    """Plays on a machine, in this process; it is also its own connection."""
+
+    alive = True
+
+    def __init__(self, setup, serve):
+        self.jobs = []
+
+    def wait_until_ready(self):
+        pass
+
+    def play(self, job, attempt):
+        self.jobs.append((job, attempt))
+        machine_pool._answer_calls(self, Episodes())
+        record, error = pickle.loads(pickle.dumps(self.answer))
+        if error is not None:
+            raise error
+        return record
+
+    def recv(self):
+        if not self.jobs:
+            raise EOFError
+        return self.jobs.pop()
+
+    def send(self, answer):
+        self.answer = answer
+
+    def close(self):
+        pass
+
+
+def test_a_task_whose_judging_always_hangs_takes_no_machine_out(folder, monkeypatch):
+    monkeypatch.setattr(machine_pool, "EpisodeWorker", MachineProcess)
+    bench = Bench(machines=MachineSettings(vm=("http://a", "http://b")))
+    notices = []
+    pool = MachinePool(WorkerSetup(bench=bench, folder=folder), 2, notices.append)
+
+    def play(task):
+        with pool.reserve():  # the machines play in turn
+            return pool(job(task), 0).get("desktop", {}).get("machine")
+
+    assert [play("hangs") for _ in range(7)] == ["http://a", "http://b"] * 3 + ["http://a"]
+    assert notices == [
+        "judging hangs hung on http://a and http://b: the task is at fault, both play on"
+    ]
+    assert [play("dies"), play("t"), play("dies")] == ["http://b", None, "http://b"]
+    assert notices[1:] == ["http://b is taken out: gone (1 machines left)"]
 
 
 @pytest.mark.parametrize(

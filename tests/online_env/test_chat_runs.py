@@ -176,6 +176,15 @@ def test_a_run_stops_at_its_cost_and_goes_on_later(tmp_path):
         assert "models: 4 requests, 4000 tokens read, 80 written, 4.08 USD" in output
 
 
+def test_a_run_stops_at_an_endpoint_that_does_not_count(tmp_path):
+    answer = {"choices": [{"message": {"content": "```DONE```"}}], "usage": None}
+    with serving(Raw(json.dumps(answer).encode())) as endpoint:
+        run = Run(tmp_path, endpoint.url, prices="{input: 1, output: 1}")
+        output, value = run("run", "--max-cost", 1, code=1)
+    assert len(value) == 1
+    assert f"cost (m at {endpoint.url}) is not known" in " ".join(output.split())
+
+
 def test_what_costs_an_unknown_amount_cannot_be_limited(tmp_path):
     run = Run(tmp_path, "http://127.0.0.1:1")
     with pytest.raises(HijackError, match="does not say what m costs; add prices"):

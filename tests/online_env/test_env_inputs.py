@@ -11,9 +11,11 @@ from click.testing import CliRunner
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 import hijack_data as hj
+from hijack_data.actions.input_faults import InputFault, alter_code
 from hijack_data.cli import hijack
 from hijack_data.errors import ParameterError
 from hijack_data.params import Every
+from hijack_data.types import as_boxes
 from pipelines.proof.rebuild import rebuild
 
 from support.episodes import make, play
@@ -75,6 +77,23 @@ def test_a_slip_is_measured_by_the_element_under_the_pointer():
         "pyautogui.click(20, 53)",
         "pyautogui.click(20, 7)",
     )
+
+
+@pytest.mark.parametrize(
+    ("code", "dx", "arrived"),
+    [
+        ("click(0, 50)", -5, "click(5, 50)"),
+        ("click(0, 50)", -500, None),  # the edge holds the pointer where it is
+        ("click(0, 50)", 500, "click(199, 50)"),
+        ("moveTo(100, 50)\npyautogui.click(0, 50)", -500, None),
+        ("click()\npyautogui.moveTo(9, 9)", 5, None),  # it clicks before anything slips
+        ("moveTo(0, 50)\npyautogui.dragTo(9, 50)", -500, "moveTo(0, 50)\npyautogui.dragTo(0, 50)"),
+    ],
+)
+def test_a_slip_hits_no_action_that_arrives_where_it_aimed(code, dx, arrived):
+    fault = InputFault("offset", ("click", "drag"), dx=dx)
+    altered = alter_code(f"pyautogui.{code}", fault, (100, 200), as_boxes([]))
+    assert altered == (arrived and f"pyautogui.{arrived}")
 
 
 @pytest.mark.parametrize("name", hj.corruption_names("everyday")[:3])

@@ -18,6 +18,7 @@ from online_env import tasks
 from online_env.errors import DesktopError, GuestError, MissingPackageError
 from online_env.osworld import machines
 from online_env.osworld.bridge import worker
+from online_env.osworld.env import TIMEOUTS_S
 from online_env.osworld.file_tasks import MachineTasks
 from online_env.tasks.machines import MachineSettings
 
@@ -109,8 +110,14 @@ def test_a_provider_reverts_between_episodes_and_ends_its_machine(
             urllib.request.urlopen(f"http://{guest.address}/revert", b"").close()  # another run's
             with pytest.raises(DesktopError, match="or used by another run, during the episode"):
                 stage.evaluate(["FAIL"])
+            assert not stage.hung_in_judging
+            stage.reset(task, 0)
+            monkeypatch.setitem(TIMEOUTS_S, "evaluate", 0.0)
+            with pytest.raises(DesktopError, match="evaluate took over 0 s"):
+                stage.evaluate(["FAIL"])
+            assert stage.hung_in_judging
         assert events(path)[-1] == "stop"
-        assert events(path).count("revert") == 5
+        assert events(path).count("revert") == 6
 
 
 def test_a_machine_that_does_not_start_is_named(osworld, script, tmp_path, monkeypatch) -> None:

@@ -325,8 +325,13 @@ def test_notes_say_what_numbers_do_not_mean(tmp_path):
     invalid = [record | INVALID for record in scored("a", "clean", [1, 1])]
     unpaired = [*invalid, *scored("a", "marks", [1, 0])]
     assert "No clean episode counts for a, so there is no delta" in notes("unpaired", unpaired)
+    lost = [*invalid[:1], *scored("a", "clean", [1, 1])[1:], *scored("a", "marks", [1, 0])]
+    assert (
+        "1 result without a clean one of the same task and seed: in the success, and in no delta,"
+        " retention or test (a under marks 1)."
+    ) in notes("lost", lost)
     whole = notes("whole", [*scored("a", "clean", [1, 0]), *scored("a", "marks", [1, 0])])
-    for words in ("between 0 and 1", "as many scores", "No clean episode"):
+    for words in ("between 0 and 1", "as many scores", "No clean episode", "without a clean one"):
         assert words not in whole
 
 

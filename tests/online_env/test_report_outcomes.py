@@ -164,6 +164,9 @@ def test_steps_tokens_and_cost_are_compared_where_they_are_known(tmp_path):
     assert rows_by_name["usd"].tasks == 5  # the clean one of t3 is not known, and is no 0
     cells = {cell.corruption: (cell.steps, cell.usd) for cell in report.cells}
     assert cells == {"clean": (9.0, None), "marks": (21.0, 1.5)}
+    listed[3] |= {"score": "", "steps": ""}  # the agent did not act, so there is nothing to pay
+    report = build_report(collect_run([write_csv(tmp_path / "s.csv", listed)]))
+    assert [cell.usd for cell in report.cells] == [1.25, 1.5]
     listed = [{**row, "steps": 5 + at % 6 + (at > 5) * (at % 3)} for at, row in enumerate(rows())]
     (row,) = build_report(collect_run([write_csv(tmp_path / "t.csv", listed)])).measures
     test = stats.ttest_1samp([0, 1, 2, 0, 1, 2], 0)

@@ -246,6 +246,15 @@ def test_a_set_of_plans_is_a_closed_world(tmp_path: Path, capsys: Any) -> None:
     assert plan.shrinkage == 0.5
     assert hijack("bench", "--plans", path, "--dry-run", "--agent", "do_nothing") == 0
     assert capsys.readouterr().out.count("do_nothing  write_note") == 4, "2 seeds, clean and pair"
+    for agent, config, code, text in (
+        ("do_nothing", (), 0, "do_nothing  write_note"),
+        ("mine", (), 2, "was searched for the agent 'mine', which is not known here"),
+        ("random", ("embedded_small",), 2, "plays oracle, do_nothing; say with --agent"),
+    ):
+        PlanSet(agent=agent, search={}, bench=bench, size=size, plans=[plan]).write(path)
+        assert hijack("bench", *config, "--plans", path, "--dry-run") == code
+        outcome = capsys.readouterr()
+        assert text in " ".join((outcome.out + outcome.err).split("\n"))
     data = json.loads(path.read_text())
     path.write_text(json.dumps({**data, "agent": "mine"}))
     with pytest.raises(PlanSetError, match="was edited"):

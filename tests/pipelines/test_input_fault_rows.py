@@ -28,6 +28,7 @@ from pipelines.exports import export
 from pipelines.readers import Rejected, get_reader
 
 from support.live import AT_ONCE, FakeStage
+from support.tampering import renew
 
 CLICK, BACK, TYPE = "pyautogui.click(20, 30)", "pyautogui.press('esc')", "pyautogui.write('a')"
 LOST = "The last action did not arrive: nothing was pressed."
@@ -163,7 +164,7 @@ def test_verify_finds_another_label_of_a_lost_action(recording, tmp_path):
     stored = pq.read_table(path)
     for change, problem in (
         ({"event": "The last action arrived 2 times."}, "event is"),
-        ({"inserted": False}, "id is"),
+        ({"inserted": False}, "inserted is"),
         ({"action_code": "pyautogui.click(1, 1)"}, "action_code is"),
         ({"reminder": "Do it again."}, "reminder is"),
     ):
@@ -172,6 +173,69 @@ def test_verify_finds_another_label_of_a_lost_action(recording, tmp_path):
         row.update(change)
         pq.write_table(type(stored).from_pylist(rows, schema=stored.schema), path)
         assert any(problem in text for text in verify(out).problems)
+
+
+def forge(dataset: Path, name: str, place: int, change: dict[str, Any]) -> list[str]:
+    """Add a copy of the last row of a step with another label; return what `verify` finds."""
+    (path,) = dataset.glob("data/*.parquet")
+    stored = pq.read_table(path)
+    rows = stored.to_pylist()
+    rows.insert(place, {**rows[place - 1], **change})
+    pq.write_table(type(stored).from_pylist(rows, schema=stored.schema), path)
+
+    def count(manifest: dict[str, Any]) -> None:
+        manifest["rows"] += 1
+        manifest["counts"]["rows"][name] += 1
+        (shard,) = manifest["shards"]
+        shard["rows"] += 1
+        shard["counts"]["rows"][name] += 1
+
+    renew(dataset, count)
+    return verify(dataset).problems
+
+
+FAULT_COLUMNS = ("corruption", "params", "plan", "plan_digest", "severity", "event", "fidelity")
+
+
+def test_verify_refutes_a_lost_action_by_the_rows_alone(recording, tmp_path):
+    source = recording(trajectories=1)
+    build(source, tmp_path / "set", corruptions="missed_input:step=1")
+    again = next(row for row in rows_of(tmp_path / "set", "missed_input") if row["inserted"])
+    columns = {name: again[name] for name in FAULT_COLUMNS}
+    forged = {**columns, "id": "t0/0002/missed_input+drop", "inserted": True}
+    (problem,) = forge(tmp_path / "set", "missed_input", 6, forged)
+    assert "row t0/0002/missed_input+drop: its step, the seed" in problem
+
+    # Without clean rows nothing says which actions came before, and the report says so.
+    path = source / "trajectories.jsonl"
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    lines[2].update(action={"type": "wait"}, action_code="WAIT")
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    for change, expected in (
+        ({}, "the fault cannot hit its action"),
+        ({"inserted": False, "image_sha256": None}, "has another picture"),
+    ):
+        out = tmp_path / f"without {expected}"
+        build(source, out, corruptions="missed_input:step=1", clean=False)
+        assert verify(out).ok
+        assert "not checked without --source" in verify(out).lines()[-1]
+        (path,) = out.glob("data/*.parquet")
+        first = pq.read_table(path).to_pylist()[0]
+        picture = {name: first[name] for name in ("screenshot", "image_sha256") if change}
+        problems = forge(out, "missed_input", 3, {**forged, **change, **picture})
+        assert any(expected in text for text in problems)
+
+
+def test_verify_names_the_trajectories_that_lack_a_clean_row(recording, tmp_path):
+    source = recording(trajectories=2)
+    picture = source / "images/t1-0.png"
+    picture.write_bytes(picture.read_bytes()[:-100])
+    build(source, tmp_path / "set", corruptions="missed_input:step=1")
+    report = verify(tmp_path / "set")
+    assert report.ok
+    (note,) = report.unproved
+    assert note.startswith("the rows of missed_input of t1 were not made again")
+    assert verify(tmp_path / "set", source=source).lines()[1:] == []
 
 
 def test_actions_that_cannot_be_done_again_and_mixed_labels_are_refused(recording, tmp_path):
@@ -262,6 +326,11 @@ def test_a_run_under_a_fault_proves_what_followed_it(name, tmp_path):
     }
     for label in ("clean", name):
         assert summaries[f"{record['id']}/0001/{label}"].endswith(f"doing: {EVENTS[name]}")
+
+    columns = {column: rows[1][column] for column in FAULT_COLUMNS}
+    forged = {**columns, "id": f"{record['id']}/0003/{name}"}
+    (problem,) = forge(tmp_path / "set", name, 6, forged)
+    assert f"0003/{name}: its step, the seed and the parameters" in problem
 
 
 def test_what_no_run_shows_is_refused(tmp_path):

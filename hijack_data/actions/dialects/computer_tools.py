@@ -16,6 +16,7 @@ from .field_checks import (
     as_fields,
     click_type,
     key_combination,
+    key_sequence,
     number,
     point,
     refuse_unknown_action,
@@ -326,14 +327,14 @@ def key_presses(fields: dict[str, Any]) -> list[tuple[str, ...]]:
     As for xdotool, spaces separate presses, `Down Down Down`; but `ctrl c` is one combination.
 
     Raises:
-        ActionError: the action names no keys.
+        ActionError: the action names no keys, or one twice in a combination.
     """
     label = "key text"
-    keys = key_combination(fields.get("text"), label, "+")
+    keys = key_sequence(fields.get("text"), label, "+")
     words = str(fields["text"]).split()
     is_combination = "+" in words or (keys[0] in _MODIFIERS and "+" not in words[0])
     if len(words) < 2 or is_combination:
-        return [keys]
+        return [key_combination(fields["text"], label, "+")]
     return [key_combination(word, label, "+") for word in words]
 
 

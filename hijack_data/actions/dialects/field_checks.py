@@ -171,6 +171,24 @@ def key_names(value: object, label: str, separators: str = "") -> tuple[str, ...
     A separator that stands last and follows another one or a space is a key: `ctrl++`.
 
     Raises:
+        ActionError: a key is not a string or pyautogui does not know it, or there is none; or one
+            is there twice: no dialect says what that does, and a model may mean two presses.
+    """
+    keys = key_sequence(value, label, separators)
+    lower_keys = [key.lower() for key in keys]
+    twice = next((key for key in lower_keys if lower_keys.count(key) > 1), None)
+    if twice is not None:
+        raise ActionError(
+            f"{label} names {twice!r} more than once, and its keys are pressed together; give an"
+            " action for each press"
+        )
+    return keys
+
+
+def key_sequence(value: object, label: str, separators: str = "") -> tuple[str, ...]:
+    """Return keys as `key_names`, which may be pressed one after the other.
+
+    Raises:
         ActionError: a key is not a string or pyautogui does not know it, or there is none.
     """
     if isinstance(value, str):

@@ -169,28 +169,23 @@ class Endpoint:
             answer = json.loads(text.removeprefix(_BOM), parse_constant=lambda _: None)
         except (ValueError, RecursionError) as error:
             raise EndpointError(
-                f"{self._location}: the answer is not whole JSON ({error}):"
+                f"{self._settings.location}: the answer is not whole JSON ({error}):"
                 f" {short_repr(text[-80:])}",
                 transient=True,
             ) from None
         if not isinstance(answer, dict):
             raise EndpointError(
-                f"{self._location}: the answer is no JSON object: {short_repr(answer)}",
+                f"{self._settings.location}: the answer is no JSON object: {short_repr(answer)}",
                 transient=True,
             )
         self._wire.read(answer)  # an answer that cannot be read is requested again
         return answer
 
-    @property
-    def _location(self) -> str:
-        address = self._settings.base_url or f"the API of {self._settings.client}"
-        return f"{self._settings.model} at {address}"
-
     def _explain(self, error: Exception) -> EndpointError:
         """Convert an exception of a client to an `EndpointError`, without the key in its text."""
         status = getattr(error, "status_code", None)
         message = self._redact_key(f"{type(error).__name__}: {error}")
-        problem = f"{self._location}: {message[:_MAX_MESSAGE_CHARS]}"
+        problem = f"{self._settings.location}: {message[:_MAX_MESSAGE_CHARS]}"
         if status in (401, 403):
             source = self._settings.api_key_env
             advice = f"check the key in {source}" if source else "name its key by api_key_env"
