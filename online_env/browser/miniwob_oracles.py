@@ -128,6 +128,8 @@ def _searching(tag: str, **attributes: str) -> PageScript:
                 page.click(links[0])
                 return
             headers = page.nodes(tag, **attributes)
+            if not headers:
+                break
             page.click(headers[number % len(headers)])
         raise DesktopError(f"the page shows no {name!r}")
 
