@@ -34,6 +34,22 @@ def parameters_in(path: Path) -> dict[str, Any]:
     return parameters if isinstance(parameters, dict) else {}
 
 
+def lock_folder(path: Path) -> Lock:
+    """Lock the folder of a dataset for one build; it is created if it is missing.
+
+    Raises:
+        BuildError: another build has locked it, or it cannot be made or opened.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        return lock(path.resolve())  # the folder may be reached through a symbolic link
+    except LockedError:
+        raise BuildError(f"{path}: another build is writing to this folder; wait for it") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise BuildError(f"{path}: cannot be made or opened as a folder ({reason})") from None
+
+
 class OutFolder:
     """The folder to which a build writes. Use it inside `open`."""
 
@@ -56,7 +72,7 @@ class OutFolder:
             StorageError: the disk is full.
         """
         is_new = not self.path.exists()
-        folder_lock = self._lock()
+        folder_lock = lock_folder(self.path)
         try:
             self._begin(json.loads(json.dumps(parameters)), resume)
             try:
@@ -108,20 +124,6 @@ class OutFolder:
                 if file.name not in names:
                     file.unlink()
         shutil.rmtree(self.state)
-
-    def _lock(self) -> Lock:
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            return lock(self.path.resolve())  # the folder may be reached through a symbolic link
-        except LockedError:
-            raise BuildError(
-                f"{self.path}: another build is writing to this folder; wait for it"
-            ) from None
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise BuildError(
-                f"{self.path}: cannot be made or opened as a folder ({reason})"
-            ) from None
 
     def _begin(self, parameters: dict[str, Any], resume: bool) -> None:
         if not resume and self._holds_nothing():

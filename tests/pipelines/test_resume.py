@@ -345,6 +345,26 @@ def test_two_builds_of_one_folder(recording: Any, planners: Any, tmp_path: Path)
     assert calls
 
 
+@pytest.mark.parametrize("first", ["a fresh one", "one that overwrites"])
+def test_a_build_that_overwrites_leaves_another_build_alone(
+    recording: Any, planners: Any, tmp_path: Path, first: str
+) -> None:
+    source, out = recording(), tmp_path / "out"
+    if first == "one that overwrites":
+        build(source, out, corruptions={})
+    calls: list[str] = []
+
+    def second(*_: Any) -> None:
+        with pytest.raises(BuildError, match="another build is writing"):
+            build(source, out, corruptions={}, overwrite=True)
+        calls.append("refused")
+
+    report = build(source, out, corruptions=planners, overwrite=True, progress=second)
+    assert calls
+    assert len(open_dataset(out)) == report.total
+    assert not list(tmp_path.glob(".out.*"))
+
+
 def turned_round(image: Path) -> None:
     """Put another picture in the place of one, of the same size in bytes."""
     before = image.stat().st_size
