@@ -91,6 +91,39 @@ def test_one_picture_needs_no_placeholder_and_several_do(tmp_path: Path) -> None
     assert "which of the 2 pictures" in rejected.reason
 
 
+def test_pictures_that_no_placeholder_shows_leave_the_screen_unknown(tmp_path: Path) -> None:
+    row = openai_row(CODES[:1], files(tmp_path, 2))
+    write_lines(tmp_path / "a.jsonl", [row])
+    trajectories, (rejected,) = read(tmp_path)
+    assert not trajectories
+    assert (rejected.where, rejected.field) == ("line 1", "messages")
+    assert "show 1 of the row's 2 pictures" in rejected.reason
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        {"type": "image", "image": "images/1.png"},
+        {"type": "image_url", "image_url": {"url": "images/1.png"}},
+        {"type": "input_image", "image_url": "images/1.png"},
+    ],
+)
+def test_a_part_that_names_a_picture_names_that_of_the_row(
+    part: dict[str, Any], tmp_path: Path
+) -> None:
+    content = [part, {"type": "text", "text": "open it"}]
+    messages = [{"role": "user", "content": content}, {"role": "assistant", "content": CODES[0]}]
+    other, same = files(tmp_path, 2)
+    write_lines(tmp_path / "a.jsonl", [{"messages": messages, "images": [same]}])
+    (trajectory,), rejected = read(tmp_path)
+    assert (Path(trajectory.steps[0].image).name, rejected) == ("1.png", [])
+    write_lines(tmp_path / "a.jsonl", [{"messages": messages, "images": [other]}])
+    trajectories, rejected = read(tmp_path)
+    assert not trajectories
+    assert rejected[0].field.startswith("messages[0].content.image")
+    assert "names 'images/1.png', but picture 0 of the row is 'images/0.png'" in rejected[0].reason
+
+
 def test_pictures_as_data_urls_and_from_the_source(tmp_path: Path) -> None:
     link = "data:image/png;base64," + base64.b64encode(png(7)).decode()
     names = files(tmp_path)
