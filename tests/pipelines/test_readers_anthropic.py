@@ -61,6 +61,32 @@ def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
     assert trajectory.steps[1].action_code == '{"action": "key", "text": "ctrl+s"}'
 
 
+def test_bodies_that_repeat_the_conversation_so_far_are_read_once(tmp_path: Path) -> None:
+    options = messages(tmp_path)
+    (tmp_path / "run.json").unlink()
+    first = next(i for i, message in enumerate(options) if message["role"] == "assistant")
+    answer = {**options[first], "id": "msg_1", "stop_reason": "tool_use"}
+    bodies = [{"messages": options[:first]}, answer, {"messages": options}]
+    write_lines(tmp_path / "a.jsonl", bodies)
+    (trajectory,), rejected = read(tmp_path)
+    assert not rejected
+    assert [s.action.type for s in trajectory] == ["click", "hotkey"]
+
+
+def test_two_conversations_in_a_file_are_refused(tmp_path: Path) -> None:
+    options = messages(tmp_path)
+    (tmp_path / "run.json").unlink()
+    other = [{"role": "user", "content": "another task"}, *options[1:]]
+    changed = [*options[:1], {"role": "assistant", "content": "no"}]
+    for later, reason in ((other, "another conversation"), (changed, "with changes")):
+        write_lines(tmp_path / "a.jsonl", [{"messages": options}, {"messages": later}])
+        trajectories, (rejected,) = read(tmp_path)
+        assert not trajectories
+        assert (rejected.file, rejected.field) == ("a.jsonl", "line 2, messages")
+        assert reason in rejected.reason
+        assert "write a file for each run" in rejected.reason
+
+
 def test_the_member_tools_of_the_toolset(tmp_path: Path) -> None:
     click = {**use("b", {"coordinate": [7, 8]}, toolset_name="computer"), "name": "right_click"}
     look = {**use("a", {}, toolset_name="computer"), "name": "screenshot"}
