@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeAlias, cast
 
 from hijack_data.errors import short_repr
-from hijack_data.types import Platform, Size, Step, Trajectory
+from hijack_data.types import Platform, Size, Step, Trajectory, size_text
 
 from . import fields
 from .base import Rejected, files_below
@@ -61,6 +61,7 @@ class Conversation:
     actions: int = 0
     image: str = ""
     size: Size = (0, 0)
+    display: Size | None = None
     no_screen: str = "no screenshot came before this action"
     apps: tuple[str, ...] = ()
     platform: Platform | None = None
@@ -114,8 +115,23 @@ class Conversation:
         if not image:
             raise FieldError("screenshot", reason)
         action = first_action(raw, dialect, self.size, field_name)
+        if self.display not in (None, self.size) and (action.point or action.end):
+            raise FieldError(
+                "tools",
+                f"state a display of {size_text(self.display)}, but the screenshot is"
+                f" {size_text(self.size)}, so it is unknown what the coordinates count; save the"
+                " screenshots in the size of the display",
+            )
         text = raw_action_text(raw if code is None else code, field_name)
         self.steps.append(RecordedStep(self.actions, image, action, text, dialect=dialect))
+
+    def add_tools(self, tools: object) -> None:
+        """Add the size of the display that a body's computer tool states, if it does."""
+        for tool in fields.objects(tools):
+            for unit in ("", "_px"):
+                size = tool.get(f"display_height{unit}"), tool.get(f"display_width{unit}")
+                if all(isinstance(side, int) for side in size):
+                    self.display = cast("Size", size)
 
     def add_user_text(self, text: object) -> None:
         """Add a text of the user; the first of which is the instruction."""
@@ -192,6 +208,7 @@ def _take_entry(
     conversation: Conversation, entry: LogEntry, take: ReadEntry
 ) -> Iterator[FieldError]:
     try:
+        conversation.add_tools(entry.data.get("tools"))
         yield from take(conversation, entry)
     except OtherFormatError:
         raise

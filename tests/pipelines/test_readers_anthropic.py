@@ -87,6 +87,21 @@ def test_two_conversations_in_a_file_are_refused(tmp_path: Path) -> None:
         assert "write a file for each run" in rejected.reason
 
 
+@pytest.mark.parametrize("unit", ["", "_px"])
+def test_a_display_of_another_size_than_the_screenshot_is_refused(
+    unit: str, tmp_path: Path
+) -> None:
+    options = messages(tmp_path)
+    (tmp_path / "run.json").unlink()
+    for width, steps in ((400, ["click", "hotkey"]), (800, ["hotkey"])):
+        tool = {"name": "computer", f"display_width{unit}": width, f"display_height{unit}": 200}
+        write_json(tmp_path / "a.json", {"tools": [tool], "messages": options})
+        (trajectory,), rejected = read(tmp_path)
+        assert [s.action.type for s in trajectory] == steps
+        assert [r.field for r in rejected] == ["tools"] * (2 - len(steps))
+    assert "a display of 800x200, but the screenshot is 400x200" in rejected[0].reason
+
+
 def test_the_member_tools_of_the_toolset(tmp_path: Path) -> None:
     click = {**use("b", {"coordinate": [7, 8]}, toolset_name="computer"), "name": "right_click"}
     look = {**use("a", {}, toolset_name="computer"), "name": "screenshot"}
