@@ -47,6 +47,12 @@ REQUIRED: Mapping[str, tuple[str, ...]] = {
     "key_down": ("keys",),
     "key_up": ("keys",),
 }
+# The types that have a place, the end of a drag, or a text; code of other types would lose these.
+_TYPES_WITH: Mapping[str, tuple[str, ...]] = {
+    "x": (*(kind for kind in ACTION_TYPES if kind in AIMING), "scroll", "other"),
+    "x2": ("drag", "other"),
+    "text": ("type", "done", "fail", "other"),
+}
 # What other formats call the fields of an action.
 _OTHER_FIELDS = {
     **dict.fromkeys(("point", "position", "coordinate", "coordinates", "location"), "x and y"),
@@ -192,6 +198,22 @@ def action(value: object, size: Size) -> Action:
     amount = _amount(data.get("amount"), kind)
     _check_required(data, kind)
     return Action(kind, **pixels, text=typed, keys=keys, amount=amount)
+
+
+def check_action_fields(data: JsonObject) -> None:
+    """Check that an action of a known type has no place, end or text that the type does not have.
+
+    Raises:
+        FieldError: it has one, which would be lost.
+    """
+    kind = data["type"]
+    for name, kinds in _TYPES_WITH.items():
+        if kind not in kinds and data.get(name) not in (None, ""):
+            raise FieldError(
+                f"action.{name}",
+                f"does not belong to type {kind!r}, only to {', '.join(kinds)}; write the type"
+                " that was done, or leave the field out",
+            )
 
 
 def _check_required(data: JsonObject, kind: str) -> None:

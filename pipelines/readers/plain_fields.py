@@ -286,6 +286,8 @@ def read_action(value: object, size: Size, problems: LineProblems) -> Action | N
     for _ in range(len(remaining) + len(ACTION_FIELDS)):
         action = problems.of(lambda: fields.action(remaining, size))
         if action is not None:
+            if len(problems.errors) == before:
+                problems.of(lambda: fields.check_action_fields(remaining))
             return action if len(problems.errors) == before else None
         if not _without(remaining, problems.errors[-1].field):
             return None
@@ -306,7 +308,7 @@ def _without(action: dict[str, Any], field: str) -> bool:
         action[name] = _HARMLESS[name]
     # The other coordinate of the point is checked on its own, with the wrong one replaced.
     if name in pairs and action.get(pairs[name]) is not None:
-        action[name] = 0
+        action[name] = 2  # 0 or 1 might be a fraction beside it
     return was_there
 
 
