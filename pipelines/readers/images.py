@@ -219,7 +219,7 @@ def _action(record: JsonObject, code: str, size: Size | None, problems: LineProb
         check_agreement(action, code, size)
         return action
     check_agreement(Action("other"), code, size)  # fractions would be taken for pixels
-    if not calls_pyautogui(code):
+    if not calls_pyautogui(code, or_computer=True):
         return Action("other")
     try:
         parsed_action = parse_pyautogui(code, None)

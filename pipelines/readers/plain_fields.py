@@ -193,7 +193,7 @@ def check_agreement(action: Action, code: str, size: Size) -> None:
     Raises:
         FieldError: the code is another kind of action, points elsewhere, or counts in fractions.
     """
-    if _is_our_code(action, code) or not calls_pyautogui(code):
+    if _is_our_code(action, code) or not calls_pyautogui(code, or_computer=True):
         return
     try:
         coded = parse_pyautogui(code, size)  # on a screen, the pointer stops at the edge

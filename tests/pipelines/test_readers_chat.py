@@ -183,6 +183,23 @@ def test_a_reply_that_is_no_action_is_no_step(tmp_path: Path) -> None:
     assert "hold no action" in rejected.reason
 
 
+@pytest.mark.parametrize(
+    ("reply", "kind"),
+    [
+        ("Done.\n```python\ncomputer.terminate(status='success')\n```", "done"),
+        ("Three times.\ncomputer.tripleClick(x=100, y=50)", "triple_click"),
+        ("```python\ncomputer.wait(3)\n```", "wait"),
+    ],
+)
+def test_code_of_agentnets_computer_alone_is_an_action(
+    reply: str, kind: str, tmp_path: Path
+) -> None:
+    row = openai_row([CODES[0], reply, "The computer.waits"], files(tmp_path, 3))
+    write_lines(tmp_path / "a.jsonl", [row])
+    (trajectory,), _ = read(tmp_path)
+    assert [step.action.type for step in trajectory.steps] == ["click", kind]
+
+
 def test_aguvis_has_thoughts_and_actions_in_one_turn_each(tmp_path: Path) -> None:
     names = files(tmp_path)
     turns = [

@@ -268,6 +268,12 @@ def read_with(recording: Any, add_line: Any, good_line: Any) -> Any:
         ),
         ({"type": "type", "text": "a"}, "DONE", "says done, but action is type"),
         ({"type": "other"}, "pyautogui.click(0.5, 0.25)", "counts in fractions of the picture"),
+        ({"type": "other"}, "computer.tripleClick(0.5, 0.2)", "counts in fractions of the picture"),
+        (
+            {"type": "click", "x": 100, "y": 50},
+            "computer.triple_click(100, 50)",
+            "says triple_click at (100, 50), but action is click at (100, 50)",
+        ),
     ],
 )
 def test_code_that_contradicts_its_action_is_refused(
