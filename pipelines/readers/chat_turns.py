@@ -84,12 +84,21 @@ class ChatTurns:
             FieldError: there is no action or no instruction.
         """
         self._begin(messages)
+        idle: int | None = None  # the reply to the present picture, if it is no action
         for index, message in enumerate(messages):
+            shown = self.shown
             try:
                 self._take(message, is_last=index == len(messages) - 1)
             except FieldError as error:
                 inner = f".{error.field}" if error.field else ""
                 yield FieldError(f"{key}[{index}]{inner}", error.reason)
+            if idle is not None and self.shown > shown:
+                reason = "is no action that is known, so the picture before it gives no step"
+                yield FieldError(f"{key}[{idle}]", reason)
+            if self.shown > shown or self.screen is None:
+                idle = None
+            elif _replies(message):
+                idle = index
         if not self.replies:
             raise FieldError(key, "hold no action")
         if self.shown < len(self.pictures) and not self.numbered:
@@ -267,6 +276,12 @@ def _shows(message: JsonObject) -> bool:
         if part.get("type") in IMAGE_PARTS or IMAGE in str(part.get("text")):
             return True
     return False
+
+
+def _replies(message: JsonObject) -> bool:
+    """Return whether a message is a reply in words; a call may also only look."""
+    role = str(message.get("role", message.get("from")))
+    return _ROLES.get(role, role) == ASSISTANT and not message.get("tool_calls")
 
 
 def _part_picture(part: JsonObject) -> tuple[str, object]:

@@ -200,6 +200,19 @@ def test_code_of_agentnets_computer_alone_is_an_action(
     assert [step.action.type for step in trajectory.steps] == ["click", kind]
 
 
+@pytest.mark.parametrize("make", [openai_row, sharegpt_row])
+def test_a_reply_between_two_pictures_that_is_no_action_is_reported(
+    make: Any, tmp_path: Path
+) -> None:
+    """The screen changed after it, so an action was lost; prose after the last picture is none."""
+    replies = [CODES[0], "press(enter)", CODES[1], "It is open now."]
+    write_lines(tmp_path / "a.jsonl", [make(replies, files(tmp_path, 4))])
+    (trajectory,), (rejected,) = read(tmp_path)
+    assert [Path(step.image).name for step in trajectory.steps] == ["0.png", "2.png"]
+    assert rejected.field.endswith("[3]")
+    assert "no action that is known" in rejected.reason
+
+
 def test_aguvis_has_thoughts_and_actions_in_one_turn_each(tmp_path: Path) -> None:
     names = files(tmp_path)
     turns = [
