@@ -19,6 +19,7 @@ from hijack_data.locking import Lock, LockedError, lock
 from ..dataset.manifest import FILES, MANIFEST, PARAMETERS, STATE, read_manifest
 from ..dataset.shard import ShardRecord, file_sha256, record_from
 from ..errors import OVERWRITE, RESUME, BuildError, DatasetError
+from .planner_identity import check_comparable
 from .shards import DATA, ShardTask, inputs_hash, picture_stamps
 from .splits import NAMES
 
@@ -195,6 +196,7 @@ class OutFolder:
             ) from None
 
     def _check_same(self, before: dict[str, Any], current: dict[str, Any]) -> None:
+        check_comparable(current, str(self.path))
         differing = [
             key for key in sorted({*before, *current}) if before.get(key) != current.get(key)
         ]
