@@ -7,7 +7,7 @@ from typing import Any
 from hijack_data import extras
 from hijack_data.types import as_boxes
 
-from ..dataset.opening import open_dataset
+from ..dataset.opening import open_split
 
 try:
     import torch
@@ -29,15 +29,20 @@ class TorchDataset(Dataset[Any]):
     Args:
         folder: a dataset that `build` made.
         transform: called with each item; its result replaces the item.
+        split: the split to read; required if the dataset has several.
 
     Raises:
-        DatasetError: the folder is not such a dataset.
+        DatasetError: the folder is not such a dataset, or the split is missing.
     """
 
     def __init__(
-        self, folder: str | os.PathLike[str], transform: Callable[[Item], Any] | None = None
+        self,
+        folder: str | os.PathLike[str],
+        transform: Callable[[Item], Any] | None = None,
+        *,
+        split: str | None = None,
     ) -> None:
-        self.rows = open_dataset(folder)
+        self.rows = open_split(folder, split)
         self.transform = transform
 
     def __len__(self) -> int:
