@@ -126,7 +126,10 @@ class _Row:
         if not pictures or column_value is None:
             raise FieldError(column, "names no picture")
         turns = ChatTurns(
-            lambda index: self.picture(pictures, column, index), pictures, self.choices.coordinates
+            lambda index: self.picture(pictures, column, index),
+            pictures,
+            self.choices.coordinates,
+            record,
         )
         turns.add_prompt(fields.text(record, "system", default=""), "system")
         yield from turns.read(messages, key)

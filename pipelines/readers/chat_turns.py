@@ -15,7 +15,7 @@ from hijack_data.errors import ParameterError, short_repr
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step
 
-from ..choices import FRACTIONS, RESIZED, THOUSAND
+from ..choices import FRACTIONS, PIXELS, RESIZED, THOUSAND
 from ..prompts import parse_question
 from . import fields
 from .fields import FieldError, JsonObject
@@ -61,14 +61,20 @@ class ChatTurns:
         picture: returns the reference and the (height, width) of the n-th picture.
         pictures: what the row holds for each picture: its path or `data:` URL, or anything else.
         choice: the space of the coordinates that the user chose.
+        record: the row, which may state the size of its picture.
     """
 
     def __init__(
-        self, picture: Callable[[int], TurnImage], pictures: Sequence[object], choice: str | None
+        self,
+        picture: Callable[[int], TurnImage],
+        pictures: Sequence[object],
+        choice: str | None,
+        record: JsonObject,
     ) -> None:
         self.picture = picture
         self.pictures = pictures
         self.choice = choice
+        self.record = record
         self.steps: list[Step] = []
         self.instruction = ""
         self.replies = self.shown = 0
@@ -207,7 +213,20 @@ class ChatTurns:
         else:
             context = ReplyContext(size, self.choice, _space(self.stated_space, size))
             reply = parse_reply(text, "content", context)
+        self._check_size(reply, size)
         self._add(image, reply)
+
+    def _check_size(self, reply: ModelReply, size: Size) -> None:
+        """Check the size that the row states of its only picture, where a reply counts its pixels.
+
+        Raises:
+            FieldError: the picture has another size.
+        """
+        action = reply.recorded.action
+        in_pixels = reply.recorded.dialect == PYAUTOGUI and self.choice in (None, PIXELS)
+        is_known = not in_pixels or self.stated_space is not None
+        if not is_known and (action.point or action.end) and len(self.pictures) == 1:
+            fields.check_stated_size(self.record, size)
 
     def _add(self, image: str, reply: ModelReply) -> None:
         recorded_action = reply.recorded

@@ -23,6 +23,7 @@ from hijack_data.types import (
     Trajectory,
     are_fractions,
     clip_boxes,
+    size_text,
 )
 
 from ..errors import SourceError
@@ -259,6 +260,21 @@ def storable(value: str, field: str) -> str:
     if has_half(value):
         raise FieldError(field, LONE_SURROGATE)
     return value
+
+
+def check_stated_size(record: JsonObject, size: Size) -> None:
+    """Check that a record which states a `width` and a `height` states those of its picture.
+
+    Raises:
+        FieldError: it states others, as a browser's viewport has whose pictures have more pixels.
+    """
+    stated = record.get("height"), record.get("width")
+    if all(isinstance(side, int | float) for side in stated) and stated != size:
+        raise FieldError(
+            "width",
+            f"and height state {stated[1]:g}x{stated[0]:g}, but the picture is {size_text(size)},"
+            " so it is unknown what the coordinates count; correct them, or leave the two out",
+        )
 
 
 def check_on_screen(action: Action, size: Size, field: str) -> Action:

@@ -177,6 +177,8 @@ def _trajectory(name: str, file: Path, record: JsonObject, episode_key: str | No
     size = problems.of(lambda: image_size(file))
     problems.check()
     check_names(record, problems, KNOWN)
+    if size:
+        problems.of(lambda: fields.check_stated_size(record, size))
     target, elements = read_boxes(record, size, problems)
     texts = {
         key: problems.of(lambda key=key: fields.text(record, key, default=""))

@@ -179,7 +179,7 @@ def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
             raise FieldError("image", reason)
         return row.picture("image")
 
-    turns = ChatTurns(picture, pictures, row.choices.coordinates)
+    turns = ChatTurns(picture, pictures, row.choices.coordinates, record)
     turns.add_prompt(fields.text(record, "system", default=""), "system")
     yield from turns.read(messages, key)
     name = fields.text(record, "id", default="") or row.name

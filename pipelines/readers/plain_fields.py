@@ -151,6 +151,8 @@ def read_step(
     problems.of(lambda: fields.platform(record.get("platform"), "platform"))
     picture = problems.of(lambda: find_image(record, root, folder))
     image, size = picture or ("", None)
+    if size:
+        problems.of(lambda: fields.check_stated_size(record, size))
     action = read_action(record.get("action"), size or ANY_SIZE, problems)
     code = problems.of(lambda: fields.text(record, "action_code", default=""))
     if action and code and size:

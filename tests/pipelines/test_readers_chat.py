@@ -91,6 +91,26 @@ def test_one_picture_needs_no_placeholder_and_several_do(tmp_path: Path) -> None
     assert "which of the 2 pictures" in rejected.reason
 
 
+# The same point of a picture of any size.
+THOUSANDTHS = {"messages": openai_row(["Action: click(start_box='(100,50)')"], [])["messages"]}
+
+
+def test_a_row_that_states_another_size_than_its_picture_is_refused(tmp_path: Path) -> None:
+    row = openai_row(CODES[:1], files(tmp_path))
+    sizes = [{"width": 400, "height": 200}, {"width": 800, "height": 400}]
+    write_lines(tmp_path / "a.jsonl", [{**row, **size} for size in sizes])
+    (trajectory,), rejected = read(tmp_path)
+    assert trajectory.id == "a/000000"
+    assert {(r.where, "picture is 400x200" in r.reason) for r in rejected[:1]} == {("line 2", True)}
+    write_lines(tmp_path / "a.jsonl", [{**row, **sizes[1], **THOUSANDTHS}])
+    (trajectory,), rejected = read(tmp_path, coordinates="thousand")
+    assert (trajectory.steps[0].action, rejected) == (Action("click", 40, 10), [])
+    picture = {"bytes": png(0), "path": None}
+    write_table(tmp_path / "a.parquet", [{**row, **size, "images": [picture]} for size in sizes])
+    (trajectory,), rejected = read(tmp_path, "parquet")
+    assert [r.where for r in rejected][:1] == ["row 1"]
+
+
 def test_pictures_that_no_placeholder_shows_leave_the_screen_unknown(tmp_path: Path) -> None:
     row = openai_row(CODES[:1], files(tmp_path, 2))
     write_lines(tmp_path / "a.jsonl", [row])

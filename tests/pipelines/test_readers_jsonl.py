@@ -230,6 +230,20 @@ def test_a_key_twice_is_refused_where_it_stands(
     assert len(trajectories[0].steps) == 3
 
 
+def test_a_line_that_states_another_size_than_its_picture_is_refused(
+    recording: Any, add_line: Any, good_line: Any
+) -> None:
+    """Such as the viewport of a browser whose screenshots have two pixels for each of its own."""
+    folder = recording(trajectories=1, steps=1)
+    for step, size in ((7, (320, 200.0)), (8, (160, 100)), (9, (160, None))):
+        line = good_line("t0", step, image="images/t0-0.png", width=size[0], height=size[1])
+        add_line(folder, line)
+    (trajectory,), (rejected,) = read(folder)
+    assert [step.index for step in trajectory.steps] == [0, 7, 9]
+    assert rejected.field == "width"
+    assert "state 160x100, but the picture is 320x200" in rejected.reason
+
+
 @pytest.fixture
 def read_with(recording: Any, add_line: Any, good_line: Any) -> Any:
     """Return what reads a recording with one more step, of an action and its code."""
