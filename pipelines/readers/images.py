@@ -146,13 +146,29 @@ class _Metadata:
             raise FieldError(FILE_NAME, f"{name!r} was there before")
 
     def of(self, picture: Path) -> JsonObject:
-        """Return the metadata of a picture."""
+        """Return the metadata of a picture.
+
+        Raises:
+            FieldError: they cannot be read, stand in two places, or may be of another picture.
+        """
         location = self.places.pop(picture, None)
+        beside = picture.with_suffix(".json")
         if location is not None:
+            if beside.is_file():
+                reason = f"is described in {METADATA} and in {beside.name}; keep one of the two"
+                raise FieldError("", reason)
             with location[0].open("rb") as file:
                 return fields.mapping(parse(line_at(file, location[1])), "")
-        beside = picture.with_suffix(".json")
-        return parse_file(beside) if beside.is_file() else {}
+        if not beside.is_file():
+            return {}
+        names = sorted({other.name for other in _beside(beside)})
+        if len(names) > 1:
+            raise FieldError(
+                "",
+                f"{beside.name} may describe {' or '.join(names)}; keep one of the pictures, or"
+                f" describe them in {METADATA}",
+            )
+        return parse_file(beside)
 
     def unused(self) -> Iterator[Rejected]:
         """Yield the lines whose file is not a picture."""
