@@ -163,7 +163,7 @@ def _forms(value: object, size: tuple[float, float], among: Forms) -> Forms:
 
 def _fits(numbers: Sequence[float], form: Form, size: tuple[float, float]) -> bool:
     space, order = form
-    if space == PIXELS and are_fractions([abs(number) for number in numbers]):
+    if space != FRACTIONS and are_fractions([abs(number) for number in numbers]):
         return False
     x1, y1, x2, y2 = _corners(numbers, order)
     across = _is_within(x1, x2, _side(space, size[1]))

@@ -114,6 +114,13 @@ def test_what_is_no_box(bad: Any) -> None:
     )
 
 
+@pytest.mark.parametrize("order", ["xyxy", "xywh"])
+def test_fractions_are_no_thousandths(order: str) -> None:
+    """On a picture of four thousand pixels they would be a box of a few in its corner."""
+    with pytest.raises(FieldError, match="in another space"):
+        box_in(("thousand", order), [0.3, 0.3, 0.9, 0.9], (2160, 3840), "bbox")
+
+
 def test_pictures_are_looked_at_only_as_far_as_it_matters() -> None:
     requests: list[int] = []
 
