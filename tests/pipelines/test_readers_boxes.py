@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Trajectory
 from pipelines import build
 from pipelines.dataset.manifest import read_manifest
@@ -112,6 +113,14 @@ def test_what_is_no_box(bad: Any) -> None:
         "pixels",
         "xyxy",
     )
+
+
+def test_boxes_of_the_resized_picture_are_scaled() -> None:
+    size = (2160, 3840)
+    height, width = smart_resize(*size)
+    assert (height, width) != size
+    box = box_in(("resized", "xyxy"), [width / 4, height / 4, width, height], size, "bbox")
+    assert box == (960, 540, 3840, 2160)
 
 
 @pytest.mark.parametrize("order", ["xyxy", "xywh"])
