@@ -251,9 +251,12 @@ class _History:
 
 
 def _begins(values: list[Any]) -> bool:
-    """Return whether a list of messages begins as a conversation does."""
-    first = fields.objects(values[:1])
-    return bool(first) and first[0].get("role") in ("user", "system", "developer")
+    """Return whether a list begins as a conversation does, with words and not with a result."""
+    first = next(iter(fields.objects(values[:1])), {})
+    if first.get("role") not in ("user", "system", "developer"):
+        return False
+    parts = fields.objects(first.get("content"))
+    return not parts or any(part.get("type") in ("text", "input_text") for part in parts)
 
 
 def _digest(value: object) -> str:

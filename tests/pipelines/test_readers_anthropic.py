@@ -66,11 +66,13 @@ def test_bodies_that_repeat_the_conversation_so_far_are_read_once(tmp_path: Path
     (tmp_path / "run.json").unlink()
     first = next(i for i, message in enumerate(options) if message["role"] == "assistant")
     answer = {**options[first], "id": "msg_1", "stop_reason": "tool_use"}
-    bodies = [{"messages": options[:first]}, answer, {"messages": options}]
-    write_lines(tmp_path / "a.jsonl", bodies)
-    (trajectory,), rejected = read(tmp_path)
-    assert not rejected
-    assert [s.action.type for s in trajectory] == ["click", "hotkey"]
+    whole = [{"messages": options[:first]}, answer, {"messages": options}]
+    parts = [{"messages": options[:first]}, answer, {"messages": options[first + 1 :]}]
+    for bodies in (whole, parts):
+        write_lines(tmp_path / "a.jsonl", bodies)
+        (trajectory,), rejected = read(tmp_path)
+        assert not rejected
+        assert [s.action.type for s in trajectory] == ["click", "hotkey"]
 
 
 def test_two_conversations_in_a_file_are_refused(tmp_path: Path) -> None:
