@@ -8,6 +8,7 @@ from hijack_data import extras
 from hijack_data.types import as_boxes
 
 from ..dataset.opening import open_split
+from ..errors import DatasetError
 
 try:
     import torch
@@ -61,7 +62,18 @@ def collate(items: Sequence[Item]) -> Item:
 
     `screenshot` becomes one tensor `[B, 3, H, W]` if all have the same size, otherwise a list;
     every other value becomes a list with one entry for each item.
+
+    Raises:
+        DatasetError: the items, which a transform may have changed, differ in their entries.
     """
+    names = set(items[0])
+    for item in items[1:]:
+        if item.keys() != names:
+            differing = ", ".join(sorted(map(str, names ^ item.keys())))
+            raise DatasetError(
+                f"the items of a batch differ in their entries ({differing}); let the transform"
+                " give each item all of them, None where there is nothing"
+            )
     batch: Item = {name: [item[name] for item in items] for name in items[0]}
     pictures = batch["screenshot"]
     if len({tuple(picture.shape) for picture in pictures}) == 1:

@@ -57,6 +57,16 @@ def test_torch_items(dataset: Path) -> None:
     )
 
 
+def test_items_of_a_batch_have_the_same_entries() -> None:
+    torch = pytest.importorskip("torch")
+    from pipelines.loaders.torch import collate
+
+    item = {"screenshot": torch.zeros(3, 2, 2, dtype=torch.uint8), "id": "a"}
+    for items in ([item, {**item, "mask": 1}], [{**item, "mask": 1}, item]):
+        with pytest.raises(DatasetError, match=r"differ in their entries \(mask\)"):
+            collate(items)
+
+
 @pytest.mark.parametrize("loader", ["torch:TorchDataset", "grain:GrainSource"])
 def test_a_dataset_with_splits_is_read_one_split_at_a_time(
     loader: str, recording: Any, tmp_path: Path
