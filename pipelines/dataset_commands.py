@@ -385,6 +385,7 @@ def stats(folder: str, as_json: bool, out: str | None) -> None:
     metavar="N",
     help="onlooker: frames without a reminder for each with one.  [default: 1]",
 )
+@click.option("--split", metavar="NAME", help="The split, of a dataset that has several.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def export(folder: str, as_json: bool, **options: Any) -> None:
     """Export a dataset as chat rows, verl Parquet, WebDataset tar files or onlooker data."""

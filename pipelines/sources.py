@@ -1,5 +1,6 @@
 """One source or several, read as one stream of trajectories whose ids are unique."""
 
+import itertools
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -8,13 +9,15 @@ from typing import Any, cast
 
 from hijack_data.errors import ParameterTypeError, quantity
 from hijack_data.paths import PathLike
-from hijack_data.types import Trajectory
+from hijack_data.types import Step, Trajectory
 
 from .dataset.manifest import holds_build
 from .errors import SourceError
 from .knowledge import RECORDINGS, Knowledge, read_knowledge
 from .readers import Rejected, Survey, check_path, get_reader, names, survey
 from .readers.reader_options import NO_CHOICES, ReaderOptions, with_choices
+from .readers.recorded_pictures import picture_file
+from .readers.safe_files import relative_name
 from .readers.survey import advise, summary
 
 
@@ -131,7 +134,18 @@ class Sources:
                     rejected = replace(item, file=self._name(index, item.file))
                     yield SourceItem(files.root, rejected)
                     continue
-                yield SourceItem(files.root, self._unique(item, index, used_ids))
+                trajectory, repeated = _in_order(item)
+                for step in repeated:
+                    file = relative_name(picture_file(step.image), files.root)
+                    rejected = Rejected(
+                        self._name(index, file),
+                        f"{trajectory.id}, step {step.index}",
+                        "step",
+                        f"{trajectory.id!r} has a step {step.index} already; number its steps"
+                        " anew, or give the other recording an id of its own",
+                    )
+                    yield SourceItem(files.root, rejected)
+                yield SourceItem(files.root, self._unique(trajectory, index, used_ids))
                 if limit is not None and len(used_ids) >= limit:
                     return
 
@@ -238,6 +252,16 @@ def public_name(path: PathLike) -> str:
     if given_path.is_absolute() or ".." in given_path.parts or not given_path.name:
         return Path(os.path.abspath(given_path)).name or "source"
     return given_path.as_posix()
+
+
+def _in_order(trajectory: Trajectory) -> tuple[Trajectory, list[Step]]:
+    """Return a trajectory with its steps in the order of their numbers, and the repeated steps."""
+    numbers = [step.index for step in trajectory]
+    if all(first < second for first, second in itertools.pairwise(numbers)):
+        return trajectory, []
+    steps: dict[int, Step] = {}
+    repeated = [step for step in trajectory if steps.setdefault(step.index, step) is not step]
+    return replace(trajectory, steps=tuple(steps[number] for number in sorted(steps))), repeated
 
 
 def _listed(source: PathLike | Sequence[PathLike]) -> list[PathLike]:

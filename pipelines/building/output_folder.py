@@ -19,6 +19,7 @@ from hijack_data.locking import Lock, LockedError, lock
 from ..dataset.manifest import FILES, MANIFEST, PARAMETERS, STATE, read_manifest
 from ..dataset.shard import ShardRecord, file_sha256, record_from
 from ..errors import OVERWRITE, RESUME, BuildError, DatasetError
+from .planner_identity import check_comparable
 from .shards import DATA, ShardTask, inputs_hash, picture_stamps
 from .splits import NAMES
 
@@ -32,6 +33,22 @@ def parameters_in(path: Path) -> dict[str, Any]:
     except (OSError, ValueError):  # `opened` will report what is wrong
         return {}
     return parameters if isinstance(parameters, dict) else {}
+
+
+def lock_folder(path: Path) -> Lock:
+    """Lock the folder of a dataset for one build; it is created if it is missing.
+
+    Raises:
+        BuildError: another build has locked it, or it cannot be made or opened.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        return lock(path.resolve())  # the folder may be reached through a symbolic link
+    except LockedError:
+        raise BuildError(f"{path}: another build is writing to this folder; wait for it") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise BuildError(f"{path}: cannot be made or opened as a folder ({reason})") from None
 
 
 class OutFolder:
@@ -56,7 +73,7 @@ class OutFolder:
             StorageError: the disk is full.
         """
         is_new = not self.path.exists()
-        folder_lock = self._lock()
+        folder_lock = lock_folder(self.path)
         try:
             self._begin(json.loads(json.dumps(parameters)), resume)
             try:
@@ -108,20 +125,6 @@ class OutFolder:
                 if file.name not in names:
                     file.unlink()
         shutil.rmtree(self.state)
-
-    def _lock(self) -> Lock:
-        try:
-            self.path.mkdir(parents=True, exist_ok=True)
-            return lock(self.path.resolve())  # the folder may be reached through a symbolic link
-        except LockedError:
-            raise BuildError(
-                f"{self.path}: another build is writing to this folder; wait for it"
-            ) from None
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise BuildError(
-                f"{self.path}: cannot be made or opened as a folder ({reason})"
-            ) from None
 
     def _begin(self, parameters: dict[str, Any], resume: bool) -> None:
         if not resume and self._holds_nothing():
@@ -193,6 +196,7 @@ class OutFolder:
             ) from None
 
     def _check_same(self, before: dict[str, Any], current: dict[str, Any]) -> None:
+        check_comparable(current, str(self.path))
         differing = [
             key for key in sorted({*before, *current}) if before.get(key) != current.get(key)
         ]

@@ -10,6 +10,7 @@ from pathlib import Path
 from ..dataset.manifest import MANIFEST, STATE
 from ..errors import BuildError
 from .dataset_card import CARD, CONFIG
+from .output_folder import lock_folder
 from .quarantine import QUARANTINE
 from .shards import DATA
 
@@ -26,24 +27,27 @@ def replacement_folder(out: Path, overwrite: bool) -> Iterator[Path]:
     the two renames, both are complete under those names. If the build fails, the old one stays.
 
     Raises:
-        BuildError: `out` is not an AgentHijack dataset, or contains other files.
+        BuildError: `out` is not an AgentHijack dataset, contains other files, or another build is
+            writing to it.
     """
     if not overwrite or not _is_filled(out):
         yield out
         return
     target = out.resolve()
-    _check(target, out)
-    fresh = target.with_name(f".{target.name}.new")
-    old = target.with_name(f".{target.name}.old")
-    if _is_filled(fresh):
-        _check(fresh, fresh)
-        shutil.rmtree(fresh)
-    try:
-        yield fresh
-    except BaseException:
-        shutil.rmtree(fresh, ignore_errors=True)
-        raise
-    _swap(fresh, target, old)
+    # Until the end, so that no other build writes to the old dataset or begins the same new one.
+    with lock_folder(target):
+        _check(target, out)
+        fresh = target.with_name(f".{target.name}.new")
+        old = target.with_name(f".{target.name}.old")
+        if _is_filled(fresh):
+            _check(fresh, fresh)
+            shutil.rmtree(fresh)
+        try:
+            yield fresh
+        except BaseException:
+            shutil.rmtree(fresh, ignore_errors=True)
+            raise
+        _swap(fresh, target, old)
 
 
 def _swap(fresh: Path, target: Path, old: Path) -> None:

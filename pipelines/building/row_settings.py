@@ -21,6 +21,7 @@ from ..readers.base import reader_source
 from ..sources import Sources
 from .build_options import BuildOptions
 from .loaded_files import LOADED, loaded_file_entries
+from .planner_identity import PLANNERS, planner_digests
 from .selection import config_text, needs_boxes, select
 from .splits import Splits
 from .step_rows import RowSettings
@@ -101,6 +102,9 @@ def manifest_parameters(
     file_entries = loaded_file_entries(planners.values())
     if file_entries:
         parameters[LOADED] = file_entries
+    digests = planner_digests(planners)
+    if digests:
+        parameters[PLANNERS] = digests
     if settings.allow_platform_mismatch:
         parameters[ALLOW_PLATFORM_MISMATCH] = True
     parameters |= splits.parameters()

@@ -18,12 +18,14 @@ from hijack_data.types import (
     Action,
     Box,
     Scene,
+    Size,
     Step,
     Trajectory,
     UInt8Array,
     as_boxes,
     as_target,
     check_aim,
+    size_text,
 )
 
 from ..dataset.columns import ACTION, BASE, VISIBLE
@@ -34,10 +36,13 @@ from ..edits.base import EditedStep
 from ..edits.variants import Variant, VariantPlanner, has_effects, is_due, is_ever_due, step_numbers
 from ..errors import BuildError
 from ..readers import Rejected
+from ..readers.fields import FieldError, check_on_screen
 from ..readers.recorded_actions import observed_code
 from .selection import needs_boxes
 
 NEVER_DUE = "the recording ends before the step at which it acts"
+
+_CHANGED = "if the picture was replaced while the build ran, build again"
 
 
 @dataclass(frozen=True)
@@ -162,6 +167,10 @@ def decode_sample(
     location = f"{trajectory.id}, step {step.index}"
     try:
         image = decode(data, image_name)
+        problem = _problem(step, image.shape[:2])
+        if problem is not None:
+            tally.rejected.append(Rejected(image_name, location, problem.field, problem.reason))
+            return None
         scene = _scene(trajectory, step, image, settings)
         tally.transparent += is_transparent(data)
         return Sample(trajectory, step, BaseImage(image), scene)
@@ -232,6 +241,22 @@ class _Counter:
             self.tally.dropped[label] += 1
             return None
         return row
+
+
+def _problem(step: Step, size: Size) -> FieldError | None:
+    """Return why a step does not fit its picture: a point or its target is not in it.
+
+    The reader does not check it, or the picture was replaced since.
+    """
+    try:
+        check_on_screen(step.action, size, "action")
+    except FieldError as error:
+        return FieldError(error.field, f"{error.reason}; {_CHANGED}")
+    x1, y1, x2, y2 = step.target_box or (0, 0, 1, 1)
+    if x1 < 0 or y1 < 0 or x2 > size[1] or y2 > size[0]:
+        reason = f"{[x1, y1, x2, y2]} leaves the {size_text(size)} screenshot; {_CHANGED}"
+        return FieldError("target_box", reason)
+    return None
 
 
 def _scene(trajectory: Trajectory, step: Step, image: UInt8Array, settings: RowSettings) -> Scene:

@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -63,14 +63,50 @@ class Dataset:
         return open_row(row)
 
 
-def open_dataset(folder: str | os.PathLike[str]) -> Dataset:
+def open_dataset(folder: str | os.PathLike[str], split: str | None = None) -> Dataset:
     """Open a dataset that `build` made.
 
+    Args:
+        folder: the dataset.
+        split: `train`, `validation` or `test`; all rows by default.
+
     Raises:
-        DatasetError: the folder is not a dataset, or an unfinished one.
+        DatasetError: the folder is not a dataset, or an unfinished one, or it has no such split.
     """
     path = Path(folder)
-    return Dataset(path, read_manifest(path))
+    manifest = read_manifest(path)
+    if split is None:
+        return Dataset(path, manifest)
+    shards = [shard for shard in manifest["shards"] if shard_split(shard) == split]
+    if not shards:
+        names = ", ".join(_splits(manifest))
+        raise DatasetError(f"{path}: has no rows of a split {split!r}; it has {names}")
+    return Dataset(path, {**manifest, "shards": shards, "rows": sum(s["rows"] for s in shards)})
+
+
+def open_split(folder: str | os.PathLike[str], split: str | None) -> Dataset:
+    """Open the rows of a dataset that belong together in training: one split, or all if it has one.
+
+    Raises:
+        DatasetError: as `open_dataset`; or there are several splits, and none is named.
+    """
+    dataset = open_dataset(folder, split)
+    names = _splits(dataset.manifest)
+    if len(names) > 1:
+        raise DatasetError(
+            f"{dataset.folder}: has the splits {', '.join(names)}, which must not be mixed; name"
+            f" one: split={names[0]!r} (--split {names[0]})"
+        )
+    return dataset
+
+
+def _splits(manifest: Mapping[str, Any]) -> list[str]:
+    return list(dict.fromkeys(map(shard_split, manifest["shards"])))
+
+
+def shard_split(shard: Mapping[str, Any]) -> str:
+    """Return the split of a shard, given its entry in the manifest."""
+    return Path(shard["file"]).name.rpartition("-")[0]
 
 
 def shard_rows(file: Path, columns: list[str] | None = None) -> Iterator[dict[str, Any]]:

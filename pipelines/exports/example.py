@@ -7,6 +7,7 @@ from typing import Any
 
 from hijack_data.errors import ActionError
 
+from ..building.splits import TRAIN
 from ..dataset.columns import VISIBLE, Row
 from ..prompts import question
 
@@ -51,6 +52,7 @@ class Example:
         png: the bytes of the screenshot.
         dialect: the dialect of the answer.
         previous: the step before, if the row follows an action that a fault of the input concerns.
+        split: the split of the row.
     """
 
     key: str
@@ -60,6 +62,7 @@ class Example:
     png: bytes
     dialect: str = "pyautogui"
     previous: PreviousStep | None = None
+    split: str = TRAIN
 
     @property
     def question(self) -> str:

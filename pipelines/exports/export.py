@@ -13,7 +13,7 @@ from hijack_data.registry import Registry
 from ..building.build_options import Progress
 from ..choices import EXPORTS, ONLOOKER
 from ..dataset.manifest import is_lazy
-from ..dataset.opening import open_dataset
+from ..dataset.opening import open_split, shard_split
 from ..errors import BuildError
 from ..prompts import PROMPTS
 from .dialects import action_text, check_dialect
@@ -129,6 +129,7 @@ def export(
     dialect: str = "pyautogui",
     keep_hidden: bool = False,
     balance: float | None = None,
+    split: str | None = None,
     progress: Progress | None = None,
 ) -> ExportReport | OnlookerReport:
     """Export a dataset for training. The same dataset and arguments give the same bytes.
@@ -145,12 +146,14 @@ def export(
             hidden targets.
         balance: with `onlooker` only: frames without a reminder for each that has one, 0 to 1000; 1
             by default.
+        split: the split to export; required if the dataset has several.
         progress: called with rows done, rows in all, and a text.
 
     Raises:
         BuildError: `out` exists already or cannot be written, no row has a reminder or an event
             (`onlooker`), or `balance` is given with another format.
-        DatasetError: the folder is not a finished dataset, or a row is damaged.
+        DatasetError: the folder is not a finished dataset, a row is damaged, or the split is
+            missing.
         ParameterError: `balance` is out of range.
         UnknownNameError: there is no such format or dialect.
         PluginError: the file, module or plug-in of the writer cannot be loaded.
@@ -160,18 +163,24 @@ def export(
     if make_writer is None:
         ratio = 1.0 if balance is None else balance
         return export_onlooker(
-            folder, out, dialect=dialect, keep_hidden=keep_hidden, balance=ratio, progress=progress
+            folder,
+            out,
+            dialect=dialect,
+            keep_hidden=keep_hidden,
+            balance=ratio,
+            split=split,
+            progress=progress,
         )
     if balance is not None:
         raise BuildError(f"balance is for the format {ONLOOKER!r}; leave it out for {to!r}")
-    rows = open_dataset(folder)
+    rows = open_split(folder, split)
     report = ExportReport(os.fspath(out), to, dialect)
     with new_folder(Path(out), Path(folder)) as export_folder:
         writer = make_writer(export_folder)
         rows_done = 0
         for index, shard in enumerate(rows.manifest["shards"]):
             stored = stored_rows(rows.folder / shard["file"], is_lazy(rows.manifest))
-            writer.shard(index, _examples(stored, index, report, keep_hidden))
+            writer.shard(index, _examples(stored, index, report, keep_hidden, shard_split(shard)))
             rows_done += int(shard["rows"])
             if progress is not None:
                 progress(rows_done, len(rows), "rows")
@@ -179,7 +188,12 @@ def export(
         report.notes += getattr(writer, "notes", list[str])()
         write_report(
             export_folder,
-            {**report.to_data(), "keep_hidden": keep_hidden, "content": rows.fingerprint},
+            {
+                **report.to_data(),
+                "keep_hidden": keep_hidden,
+                "content": rows.fingerprint,
+                **({} if split is None else {"split": split}),
+            },
         )
     return report
 
@@ -189,6 +203,7 @@ def _examples(
     shard: int,
     report: ExportReport,
     keep_hidden: bool,
+    split: str,
 ) -> Iterator[Example]:
     number = 0
     history = _History()
@@ -211,7 +226,7 @@ def _examples(
         step = PreviousStep(png(), answer)
         previous = history.add(row, step)
         answer_form = PROMPTS[report.dialect]
-        yield Example(key, row, answer_form, answer, step.png, report.dialect, previous)
+        yield Example(key, row, answer_form, answer, step.png, report.dialect, previous, split)
         number += 1
 
 

@@ -76,7 +76,7 @@ class VerlWriter:
             },
             "extra_info": {
                 **extra,
-                "split": "train",
+                "split": example.split,
                 "index": index,
                 "answer": example.answer,
                 "question": row["instruction"],

@@ -3,7 +3,7 @@
 import os
 from typing import Any, SupportsIndex
 
-from ..dataset.opening import open_dataset
+from ..dataset.opening import open_split
 
 
 class GrainSource:
@@ -15,13 +15,14 @@ class GrainSource:
 
     Args:
         folder: a dataset that `build` made.
+        split: the split to read; required if the dataset has several.
 
     Raises:
-        DatasetError: the folder is not such a dataset.
+        DatasetError: the folder is not such a dataset, or the split is missing.
     """
 
-    def __init__(self, folder: str | os.PathLike[str]) -> None:
-        self.rows = open_dataset(folder)
+    def __init__(self, folder: str | os.PathLike[str], *, split: str | None = None) -> None:
+        self.rows = open_split(folder, split)
 
     def __len__(self) -> int:
         return len(self.rows)

@@ -7,7 +7,8 @@ from typing import Any
 from hijack_data import extras
 from hijack_data.types import as_boxes
 
-from ..dataset.opening import open_dataset
+from ..dataset.opening import open_split
+from ..errors import DatasetError
 
 try:
     import torch
@@ -29,15 +30,20 @@ class TorchDataset(Dataset[Any]):
     Args:
         folder: a dataset that `build` made.
         transform: called with each item; its result replaces the item.
+        split: the split to read; required if the dataset has several.
 
     Raises:
-        DatasetError: the folder is not such a dataset.
+        DatasetError: the folder is not such a dataset, or the split is missing.
     """
 
     def __init__(
-        self, folder: str | os.PathLike[str], transform: Callable[[Item], Any] | None = None
+        self,
+        folder: str | os.PathLike[str],
+        transform: Callable[[Item], Any] | None = None,
+        *,
+        split: str | None = None,
     ) -> None:
-        self.rows = open_dataset(folder)
+        self.rows = open_split(folder, split)
         self.transform = transform
 
     def __len__(self) -> int:
@@ -56,7 +62,18 @@ def collate(items: Sequence[Item]) -> Item:
 
     `screenshot` becomes one tensor `[B, 3, H, W]` if all have the same size, otherwise a list;
     every other value becomes a list with one entry for each item.
+
+    Raises:
+        DatasetError: the items, which a transform may have changed, differ in their entries.
     """
+    names = set(items[0])
+    for item in items[1:]:
+        if item.keys() != names:
+            differing = ", ".join(sorted(map(str, names ^ item.keys())))
+            raise DatasetError(
+                f"the items of a batch differ in their entries ({differing}); let the transform"
+                " give each item all of them, None where there is nothing"
+            )
     batch: Item = {name: [item[name] for item in items] for name in items[0]}
     pictures = batch["screenshot"]
     if len({tuple(picture.shape) for picture in pictures}) == 1:

@@ -10,7 +10,8 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeAlias
 
-from hijack_data.errors import short_repr
+from hijack_data.errors import ParameterError, short_repr
+from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Box, Size, are_fractions
 
 from ..choices import BOXES, FRACTIONS, PIXELS, THOUSAND, XYWH
@@ -37,8 +38,7 @@ def box_in(form: Form, value: object, size: Size, field: str) -> Box:
         if order != XYWH and _is_swapped(numbers):
             about = "ends before it starts"
         raise FieldError(field, f"{short_repr(numbers)} {about} (read as {order} in {space})")
-    height = _side(space, size[0])
-    width = _side(space, size[1])
+    height, width = _frame(space, size)
     x1, y1, x2, y2 = _corners(numbers, order)
     scaled = [
         x1 * size[1] / width,
@@ -163,12 +163,11 @@ def _forms(value: object, size: tuple[float, float], among: Forms) -> Forms:
 
 def _fits(numbers: Sequence[float], form: Form, size: tuple[float, float]) -> bool:
     space, order = form
-    if space == PIXELS and are_fractions([abs(number) for number in numbers]):
+    if space != FRACTIONS and are_fractions([abs(number) for number in numbers]):
         return False
     x1, y1, x2, y2 = _corners(numbers, order)
-    across = _is_within(x1, x2, _side(space, size[1]))
-    down = _is_within(y1, y2, _side(space, size[0]))
-    return across and down
+    height, width = _frame(space, size)
+    return _is_within(x1, x2, width) and _is_within(y1, y2, height)
 
 
 def _is_within(start: float, end: float, side: float) -> bool:
@@ -177,10 +176,22 @@ def _is_within(start: float, end: float, side: float) -> bool:
     return lowest <= start < end <= highest
 
 
-def _side(space: str, side: float) -> float:
+def _frame(space: str, size: tuple[float, float]) -> tuple[float, float]:
+    """Return the (height, width) that the numbers of a space count on a picture of a size.
+
+    Raises:
+        FieldError: the model behind `resized` does not accept a picture of this size.
+    """
     if space == FRACTIONS:
-        return 1.0
-    return 1000.0 if space == THOUSAND else side
+        return 1.0, 1.0
+    if space == THOUSAND:
+        return 1000.0, 1000.0
+    if space == PIXELS or size == _UNBOUNDED:
+        return size
+    try:
+        return smart_resize(int(size[0]), int(size[1]))
+    except ParameterError as error:
+        raise FieldError("image", str(error)) from None
 
 
 def _corners(numbers: Sequence[float], order: str) -> tuple[float, float, float, float]:

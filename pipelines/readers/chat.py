@@ -127,8 +127,9 @@ class _Row:
             raise FieldError(column, "names no picture")
         turns = ChatTurns(
             lambda index: self.picture(pictures, column, index),
-            len(pictures),
+            pictures,
             self.choices.coordinates,
+            record,
         )
         turns.add_prompt(fields.text(record, "system", default=""), "system")
         yield from turns.read(messages, key)

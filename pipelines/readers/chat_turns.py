@@ -1,20 +1,21 @@
 """Conversations with pictures, as in training sets: the screen of each reply.
 
 Messages have `role` and `content`, or `from` and `value`. A picture is shown by `<image>` in the
-text or by a part of the content; a reply belongs to the last picture shown before it.
+text or by a part of the content, each picture of the row once; a reply belongs to the last picture
+shown before it.
 """
 
 import re
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, cast
 
 from hijack_data.actions.dialects.qwen import TOOLS, tool_call_text
 from hijack_data.actions.recorded_actions import SIZELESS
-from hijack_data.errors import ParameterError
+from hijack_data.errors import ParameterError, short_repr
 from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Action, Size, Step
 
-from ..choices import FRACTIONS, RESIZED, THOUSAND
+from ..choices import FRACTIONS, PIXELS, RESIZED, THOUSAND
 from ..prompts import parse_question
 from . import fields
 from .fields import FieldError, JsonObject
@@ -25,6 +26,9 @@ from .safe_files import parse_embedded
 from .tool_calls import acting_calls, call_arguments, parse_call
 
 IMAGE = "<image>"
+# The types of parts that show a picture, and where a part may name it beside the row.
+IMAGE_PARTS = ("image", "image_url", "input_image")
+_NAMES = ("image", "image_url", "path", "url")
 USER = "user"
 ASSISTANT = "assistant"
 _ROLES = {
@@ -55,20 +59,29 @@ class ChatTurns:
 
     Args:
         picture: returns the reference and the (height, width) of the n-th picture.
-        count: number of pictures.
+        pictures: what the row holds for each picture: its path or `data:` URL, or anything else.
         choice: the space of the coordinates that the user chose.
+        record: the row, which may state the size of its picture.
     """
 
-    def __init__(self, picture: Callable[[int], TurnImage], count: int, choice: str | None) -> None:
+    def __init__(
+        self,
+        picture: Callable[[int], TurnImage],
+        pictures: Sequence[object],
+        choice: str | None,
+        record: JsonObject,
+    ) -> None:
         self.picture = picture
-        self.count = count
+        self.pictures = pictures
         self.choice = choice
+        self.record = record
         self.steps: list[Step] = []
         self.instruction = ""
         self.replies = self.shown = 0
         self.stated_space: Space | None = None
         self.screen: int | None = None
         self.calls = False
+        self.numbered = False  # whether parts state which picture they show
 
     def read(self, messages: list[JsonObject], key: str) -> Iterator[FieldError]:
         """Read all messages of the field `key`; yield the errors in them.
@@ -77,14 +90,29 @@ class ChatTurns:
             FieldError: there is no action or no instruction.
         """
         self._begin(messages)
+        idle: int | None = None  # the reply to the present picture, if it is no action
         for index, message in enumerate(messages):
+            shown = self.shown
             try:
                 self._take(message, is_last=index == len(messages) - 1)
             except FieldError as error:
                 inner = f".{error.field}" if error.field else ""
                 yield FieldError(f"{key}[{index}]{inner}", error.reason)
+            if idle is not None and self.shown > shown:
+                reason = "is no action that is known, so the picture before it gives no step"
+                yield FieldError(f"{key}[{idle}]", reason)
+            if self.shown > shown or self.screen is None:
+                idle = None
+            elif _replies(message):
+                idle = index
         if not self.replies:
             raise FieldError(key, "hold no action")
+        if self.shown < len(self.pictures) and not self.numbered:
+            raise FieldError(
+                key,
+                f"show {self.shown} of the row's {len(self.pictures)} pictures, so it is unknown"
+                f" which; write {IMAGE} for each, or leave the others out of the row",
+            )
         if not self.instruction:
             raise FieldError(key, "hold no text of the user")
 
@@ -97,8 +125,9 @@ class ChatTurns:
         self.calls = any(message.get("tool_calls") for message in messages)
         if any(_shows(message) for message in messages):
             return
-        if self.count > 1:
-            raise FieldError("messages", f"none says which of the {self.count} pictures it shows")
+        count = len(self.pictures)
+        if count > 1:
+            raise FieldError("messages", f"none says which of the {count} pictures it shows")
         self._show(0)
 
     def _take(self, message: JsonObject, is_last: bool) -> None:
@@ -131,14 +160,33 @@ class ChatTurns:
         for part in parts:
             entry = fields.mapping(part, "content")
             text: object = entry.get("text")
-            if entry.get("type") == "image" and shows:
-                index: object = entry.get("index")
-                self._show(self.shown if index is None else _picture_index(index))
+            if entry.get("type") in IMAGE_PARTS and shows:
+                self._show_part(entry)
             elif isinstance(text, str):
                 texts.append(text)
                 if shows:
                     self._show(self.shown + text.count(IMAGE) - 1)
         return "\n".join(texts)
+
+    def _show_part(self, part: JsonObject) -> None:
+        """Take the picture of a part as the screen.
+
+        Raises:
+            FieldError: the part names another picture than the row has at its place.
+        """
+        index = self.shown
+        if part.get("index") is not None:
+            self.numbered = True
+            index = _picture_index(part["index"])
+        field, name = _part_picture(part)
+        held = self.pictures[index] if index < len(self.pictures) else None
+        if name is not None and name != held:
+            raise FieldError(
+                f"content.{field}",
+                f"names {short_repr(name)}, but picture {index} of the row is {short_repr(held)};"
+                " only the row's pictures are read",
+            )
+        self._show(index)
 
     def _show(self, index: int) -> None:
         """Take the `index`-th image as the screen, unless it was shown before."""
@@ -165,7 +213,20 @@ class ChatTurns:
         else:
             context = ReplyContext(size, self.choice, _space(self.stated_space, size))
             reply = parse_reply(text, "content", context)
+        self._check_size(reply, size)
         self._add(image, reply)
+
+    def _check_size(self, reply: ModelReply, size: Size) -> None:
+        """Check the size that the row states of its only picture, where a reply counts its pixels.
+
+        Raises:
+            FieldError: the picture has another size.
+        """
+        action = reply.recorded.action
+        in_pixels = reply.recorded.dialect == PYAUTOGUI and self.choice in (None, PIXELS)
+        is_known = not in_pixels or self.stated_space is not None
+        if not is_known and (action.point or action.end) and len(self.pictures) == 1:
+            fields.check_stated_size(self.record, size)
 
     def _add(self, image: str, reply: ModelReply) -> None:
         recorded_action = reply.recorded
@@ -231,9 +292,26 @@ def _shows(message: JsonObject) -> bool:
     if isinstance(content, str):
         return IMAGE in content and _role(message) != ASSISTANT
     for part in fields.objects(content):
-        if part.get("type") == "image" or IMAGE in str(part.get("text")):
+        if part.get("type") in IMAGE_PARTS or IMAGE in str(part.get("text")):
             return True
     return False
+
+
+def _replies(message: JsonObject) -> bool:
+    """Return whether a message is a reply in words; a call may also only look."""
+    role = str(message.get("role", message.get("from")))
+    return _ROLES.get(role, role) == ASSISTANT and not message.get("tool_calls")
+
+
+def _part_picture(part: JsonObject) -> tuple[str, object]:
+    """Return the field in which a part names a picture of its own, and the name or `None`."""
+    for field in _NAMES:
+        name: object = part.get(field)
+        if isinstance(name, dict):
+            name = cast("dict[str, object]", name).get("url")
+        if name is not None:
+            return field, name
+    return "", None
 
 
 def _role(message: JsonObject) -> str:

@@ -17,6 +17,7 @@ from . import fields
 from .fields import FieldError, JsonObject
 from .parquet_rows import SOURCE, ParquetRow
 from .recorded_actions import OPENAI, PYAUTOGUI, RecordedStep, first_action, raw_action_text
+from .recording_facts import RecordedTrajectory
 from .safe_files import parse_embedded
 
 TRACE = ("event_name", "data_json", "data_images", "trajectory_id")
@@ -69,7 +70,8 @@ class StepRows(ABC):
             yield FieldError("instruction", "not recorded, left empty")
         if self.steps:
             about = (self.name, SOURCE, self.instruction, tuple(self.steps))
-            yield Trajectory(*about, platform=self.platform)
+            # Files of a set may end within an episode, whose other part then has another id.
+            yield RecordedTrajectory(*about, platform=self.platform, episode=self.name)
 
     def _append(self, index: int, image: str, size: Size, action: Action, code_text: str) -> None:
         """Add a step whose code is made of its action, or else is `code_text`."""
@@ -247,7 +249,8 @@ def _python_action(value: object) -> tuple[Action, str]:
 
 def _action(name: str, arguments: dict[str, Any]) -> Action:
     def point(x: str, y: str) -> tuple[int, int]:
-        return round(number(arguments.get(x), x)), round(number(arguments.get(y), y))
+        coordinates = [number(arguments.get(side), side) for side in (x, y)]
+        return Scaling.pixels(None).point(*coordinates)
 
     if name in _POINTER_ACTIONS:
         return action_at(_POINTER_ACTIONS[name], point("x", "y"))

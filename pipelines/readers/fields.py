@@ -23,6 +23,7 @@ from hijack_data.types import (
     Trajectory,
     are_fractions,
     clip_boxes,
+    size_text,
 )
 
 from ..errors import SourceError
@@ -46,6 +47,12 @@ REQUIRED: Mapping[str, tuple[str, ...]] = {
     "hotkey": ("keys",),
     "key_down": ("keys",),
     "key_up": ("keys",),
+}
+# The types that have a place, the end of a drag, or a text; code of other types would lose these.
+_TYPES_WITH: Mapping[str, tuple[str, ...]] = {
+    "x": (*(kind for kind in ACTION_TYPES if kind in AIMING), "scroll", "other"),
+    "x2": ("drag", "other"),
+    "text": ("type", "done", "fail", "other"),
 }
 # What other formats call the fields of an action.
 _OTHER_FIELDS = {
@@ -194,6 +201,22 @@ def action(value: object, size: Size) -> Action:
     return Action(kind, **pixels, text=typed, keys=keys, amount=amount)
 
 
+def check_action_fields(data: JsonObject) -> None:
+    """Check that an action of a known type has no place, end or text that the type does not have.
+
+    Raises:
+        FieldError: it has one, which would be lost.
+    """
+    kind = data["type"]
+    for name, kinds in _TYPES_WITH.items():
+        if kind not in kinds and data.get(name) not in (None, ""):
+            raise FieldError(
+                f"action.{name}",
+                f"does not belong to type {kind!r}, only to {', '.join(kinds)}; write the type"
+                " that was done, or leave the field out",
+            )
+
+
 def _check_required(data: JsonObject, kind: str) -> None:
     for name in REQUIRED.get(kind, ()):
         if data.get(name) is None or data[name] == "":
@@ -237,6 +260,21 @@ def storable(value: str, field: str) -> str:
     if has_half(value):
         raise FieldError(field, LONE_SURROGATE)
     return value
+
+
+def check_stated_size(record: JsonObject, size: Size) -> None:
+    """Check that a record which states a `width` and a `height` states those of its picture.
+
+    Raises:
+        FieldError: it states others, as a browser's viewport has whose pictures have more pixels.
+    """
+    stated = record.get("height"), record.get("width")
+    if all(isinstance(side, int | float) for side in stated) and stated != size:
+        raise FieldError(
+            "width",
+            f"and height state {stated[1]:g}x{stated[0]:g}, but the picture is {size_text(size)},"
+            " so it is unknown what the coordinates count; correct them, or leave the two out",
+        )
 
 
 def check_on_screen(action: Action, size: Size, field: str) -> Action:

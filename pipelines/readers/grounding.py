@@ -164,6 +164,8 @@ class _Table:
     def _trajectory(self, entry: _Entry, form: Form, elements: dict[str, list[Box]]) -> Trajectory:
         record = entry.row.record
         image, size = self._picture(entry)
+        if form[0] == PIXELS:
+            fields.check_stated_size(record, size)
         box = box_in(form, entry.box, size, _key(entry.part, BOXES))
         x, y = box_center(box)
         around = tuple(dict.fromkeys(elements[image]))

@@ -146,13 +146,29 @@ class _Metadata:
             raise FieldError(FILE_NAME, f"{name!r} was there before")
 
     def of(self, picture: Path) -> JsonObject:
-        """Return the metadata of a picture."""
+        """Return the metadata of a picture.
+
+        Raises:
+            FieldError: they cannot be read, stand in two places, or may be of another picture.
+        """
         location = self.places.pop(picture, None)
+        beside = picture.with_suffix(".json")
         if location is not None:
+            if beside.is_file():
+                reason = f"is described in {METADATA} and in {beside.name}; keep one of the two"
+                raise FieldError("", reason)
             with location[0].open("rb") as file:
                 return fields.mapping(parse(line_at(file, location[1])), "")
-        beside = picture.with_suffix(".json")
-        return parse_file(beside) if beside.is_file() else {}
+        if not beside.is_file():
+            return {}
+        names = sorted({other.name for other in _beside(beside)})
+        if len(names) > 1:
+            raise FieldError(
+                "",
+                f"{beside.name} may describe {' or '.join(names)}; keep one of the pictures, or"
+                f" describe them in {METADATA}",
+            )
+        return parse_file(beside)
 
     def unused(self) -> Iterator[Rejected]:
         """Yield the lines whose file is not a picture."""
@@ -177,6 +193,8 @@ def _trajectory(name: str, file: Path, record: JsonObject, episode_key: str | No
     size = problems.of(lambda: image_size(file))
     problems.check()
     check_names(record, problems, KNOWN)
+    if size:
+        problems.of(lambda: fields.check_stated_size(record, size))
     target, elements = read_boxes(record, size, problems)
     texts = {
         key: problems.of(lambda key=key: fields.text(record, key, default=""))
@@ -219,7 +237,7 @@ def _action(record: JsonObject, code: str, size: Size | None, problems: LineProb
         check_agreement(action, code, size)
         return action
     check_agreement(Action("other"), code, size)  # fractions would be taken for pixels
-    if not calls_pyautogui(code):
+    if not calls_pyautogui(code, or_computer=True):
         return Action("other")
     try:
         parsed_action = parse_pyautogui(code, None)

@@ -199,7 +199,7 @@ def _last_lines(text: str) -> str:
     """Return the lines of code at the end of a reply that begins with prose."""
     match = _LAST_CALLS.search(text)
     code = match[0].strip() if match else ""
-    return code if code and calls_pyautogui(code) else ""
+    return code if code and calls_pyautogui(code, or_computer=True) else ""
 
 
 def _scale_cua(text: str, field: str, context: ReplyContext) -> ModelReply:

@@ -48,7 +48,7 @@ class OpenAI(FileReader):
 
     def read(self, path: Source) -> Iterator[Trajectory | Rejected]:
         """Yield trajectories in the order of the files."""
-        return read_logs(path, self.name, _EntryReader())
+        return read_logs(path, self.name, _EntryReader(), repeats=True)
 
 
 class _EntryReader:

@@ -50,10 +50,11 @@ class _Shape:
     common: str = ""
 
 
+CHAT_OPTIONAL = ("system", "metadata", "id", "width", "height")
 SHAPES = (
     _Shape(("task_id", "instruction", "actions", "screenshots"), ("domain",), trajectory),
     *(
-        _Shape((messages, images), ("system", "metadata", "id", *EPISODES), chat)
+        _Shape((messages, images), (*CHAT_OPTIONAL, *EPISODES), chat)
         for messages in ("messages", "conversations")
         for images in ("images", "image")
     ),

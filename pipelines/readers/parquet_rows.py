@@ -169,7 +169,7 @@ def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
     key = "messages" if "messages" in record else "conversations"
     messages = messages_in(record.get(key), key)
     has_several = "images" in record
-    count = len(fields.items(record, "images")) if has_several else 1
+    pictures = fields.items(record, "images") if has_several else [record.get("image")]
 
     def picture(index: int) -> TurnImage:
         if has_several:
@@ -179,7 +179,7 @@ def chat(row: ParquetRow) -> Iterator[Trajectory | FieldError]:
             raise FieldError("image", reason)
         return row.picture("image")
 
-    turns = ChatTurns(picture, count, row.choices.coordinates)
+    turns = ChatTurns(picture, pictures, row.choices.coordinates, record)
     turns.add_prompt(fields.text(record, "system", default=""), "system")
     yield from turns.read(messages, key)
     name = fields.text(record, "id", default="") or row.name

@@ -151,6 +151,8 @@ def read_step(
     problems.of(lambda: fields.platform(record.get("platform"), "platform"))
     picture = problems.of(lambda: find_image(record, root, folder))
     image, size = picture or ("", None)
+    if size:
+        problems.of(lambda: fields.check_stated_size(record, size))
     action = read_action(record.get("action"), size or ANY_SIZE, problems)
     code = problems.of(lambda: fields.text(record, "action_code", default=""))
     if action and code and size:
@@ -193,7 +195,7 @@ def check_agreement(action: Action, code: str, size: Size) -> None:
     Raises:
         FieldError: the code is another kind of action, points elsewhere, or counts in fractions.
     """
-    if _is_our_code(action, code) or not calls_pyautogui(code):
+    if _is_our_code(action, code) or not calls_pyautogui(code, or_computer=True):
         return
     try:
         coded = parse_pyautogui(code, size)  # on a screen, the pointer stops at the edge
@@ -286,6 +288,8 @@ def read_action(value: object, size: Size, problems: LineProblems) -> Action | N
     for _ in range(len(remaining) + len(ACTION_FIELDS)):
         action = problems.of(lambda: fields.action(remaining, size))
         if action is not None:
+            if len(problems.errors) == before:
+                problems.of(lambda: fields.check_action_fields(remaining))
             return action if len(problems.errors) == before else None
         if not _without(remaining, problems.errors[-1].field):
             return None
@@ -306,7 +310,7 @@ def _without(action: dict[str, Any], field: str) -> bool:
         action[name] = _HARMLESS[name]
     # The other coordinate of the point is checked on its own, with the wrong one replaced.
     if name in pairs and action.get(pairs[name]) is not None:
-        action[name] = 0
+        action[name] = 2  # 0 or 1 might be a fraction beside it
     return was_there
 
 

@@ -592,3 +592,40 @@ def test_the_real_recordings(shared_data: Path, tmp_path: Path) -> None:
 def test_settings_know_how_many_rows_a_step_has() -> None:
     planners = (("a", hj.Marks()), ("b", hj.Marks()))
     assert (RowSettings(planners).variants, RowSettings(planners, clean=False).variants) == (3, 2)
+
+
+@pytest.mark.parametrize(
+    ("action", "target", "field"),
+    [
+        ({"type": "click", "x": 310, "y": 190}, None, "action"),
+        ({"type": "drag", "x": 10, "y": 10, "x2": 310, "y2": 190}, None, "action"),
+        ({"type": "wait"}, [300, 180, 320, 200], "target_box"),
+    ],
+)
+def test_a_picture_that_is_replaced_while_the_build_runs_gets_no_wrong_label(
+    action: Any,
+    target: Any,
+    field: str,
+    recording: Any,
+    add_line: Any,
+    good_line: Any,
+    tmp_path: Path,
+) -> None:
+    source = recording(trajectories=1, steps=1)
+    with Image.open(source / "images" / "t0-0.png") as picture:
+        picture.save(source / "images" / "u.png")
+        smaller = picture.resize((160, 100))
+    add_line(
+        source,
+        good_line("u", 0, image="images/u.png", action=action, action_code="", target_box=target),
+    )
+
+    def replace_picture(*_: Any) -> None:
+        smaller.save(source / "images" / "u.png")
+
+    report = build(source, tmp_path / "out", corruptions={}, progress=replace_picture)
+    assert [row["trajectory_id"] for row in open_dataset(tmp_path / "out")] == ["t0"]
+    (rejected,) = report.examples
+    assert rejected.startswith(f"images/u.png: u, step 0: {field}: ")
+    assert "160x100 screenshot" in rejected
+    assert "build again" in rejected

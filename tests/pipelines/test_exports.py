@@ -56,6 +56,30 @@ def dataset(request: Any, source: Path, tmp_path: Path) -> Path:
     return make(source, tmp_path / "set", output=request.param)
 
 
+@pytest.mark.parametrize("to", ["chat", "verl", "webdataset", "atif", "onlooker"])
+def test_a_dataset_with_splits_is_exported_one_split_at_a_time(
+    to: str, recording: Any, tmp_path: Path
+) -> None:
+    planners = {"marks": hj.Marks(number=4, mark_size=8)}
+    folder = tmp_path / "set"
+    splits = {"train": 0.5, "test": 0.5}
+    build(recording(trajectories=12, steps=1), folder, corruptions=planners, splits=splits)
+    with pytest.raises(DatasetError, match=r"the splits train, test.*--split train"):
+        export(folder, tmp_path / "all", to=to)
+    assert not (tmp_path / "all").exists()
+    with pytest.raises(DatasetError, match="no rows of a split 'tset'; it has train, test"):
+        export(folder, tmp_path / "all", to=to, split="tset")
+    if to == "onlooker":
+        return  # nothing in this dataset is an event
+    report = export(folder, tmp_path / "out", to=to, split="test", keep_hidden=True)
+    assert isinstance(report, ExportReport)
+    assert report.total == len(open_dataset(folder, "test"))
+    assert json.loads((tmp_path / "out" / "export.json").read_text())["split"] == "test"
+    if to == "verl":
+        table = pq.read_table(tmp_path / "out" / "data")
+        assert {row["split"] for row in table["extra_info"].to_pylist()} == {"test"}
+
+
 def expected(dataset: Path) -> list[dict[str, Any]]:
     """The rows that may be exported: the target shows, and the action can be said."""
     rows = [

@@ -1,5 +1,6 @@
 """Loaders give the rows of `open_dataset`, by number, in any process."""
 
+import importlib
 import multiprocessing
 import pickle
 import threading
@@ -54,6 +55,40 @@ def test_torch_items(dataset: Path) -> None:
     assert np.array_equal(
         items[1]["screenshot"].permute(1, 2, 0).numpy(), np.asarray(rows[1]["screenshot"])
     )
+
+
+def test_items_of_a_batch_have_the_same_entries() -> None:
+    torch = pytest.importorskip("torch")
+    from pipelines.loaders.torch import collate
+
+    item = {"screenshot": torch.zeros(3, 2, 2, dtype=torch.uint8), "id": "a"}
+    for items in ([item, {**item, "mask": 1}], [{**item, "mask": 1}, item]):
+        with pytest.raises(DatasetError, match=r"differ in their entries \(mask\)"):
+            collate(items)
+
+
+@pytest.mark.parametrize("loader", ["torch:TorchDataset", "grain:GrainSource"])
+def test_a_dataset_with_splits_is_read_one_split_at_a_time(
+    loader: str, recording: Any, tmp_path: Path
+) -> None:
+    module, name = loader.split(":")
+    pytest.importorskip(module)
+    open_rows = getattr(importlib.import_module(f"pipelines.loaders.{module}"), name)
+    folder = tmp_path / "set"
+    splits = {"train": 0.5, "test": 0.5}
+    build(recording(trajectories=12, steps=1), folder, corruptions=PLANNERS, splits=splits)
+    with pytest.raises(DatasetError, match="the splits train, test, which must not be mixed"):
+        open_rows(folder)
+    ids = {
+        split: [items[i]["id"] for i in range(len(items))]
+        for split in splits
+        for items in [pickle.loads(pickle.dumps(open_rows(folder, split=split)))]
+    }
+    assert ids["train"]
+    assert ids["test"]
+    assert sorted(ids["train"] + ids["test"]) == sorted(row["id"] for row in open_dataset(folder))
+    stored = {row["id"] for row in open_dataset(folder, "test")}
+    assert set(ids["test"]) == stored
 
 
 def brighter(item: dict[str, Any]) -> Any:

@@ -61,6 +61,49 @@ def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
     assert trajectory.steps[1].action_code == '{"action": "key", "text": "ctrl+s"}'
 
 
+def test_bodies_that_repeat_the_conversation_so_far_are_read_once(tmp_path: Path) -> None:
+    options = messages(tmp_path)
+    (tmp_path / "run.json").unlink()
+    first = next(i for i, message in enumerate(options) if message["role"] == "assistant")
+    answer = {**options[first], "id": "msg_1", "stop_reason": "tool_use"}
+    whole = [{"messages": options[:first]}, answer, {"messages": options}]
+    parts = [{"messages": options[:first]}, answer, {"messages": options[first + 1 :]}]
+    for bodies in (whole, parts):
+        write_lines(tmp_path / "a.jsonl", bodies)
+        (trajectory,), rejected = read(tmp_path)
+        assert not rejected
+        assert [s.action.type for s in trajectory] == ["click", "hotkey"]
+
+
+def test_two_conversations_in_a_file_are_refused(tmp_path: Path) -> None:
+    options = messages(tmp_path)
+    (tmp_path / "run.json").unlink()
+    other = [{"role": "user", "content": "another task"}, *options[1:]]
+    changed = [*options[:1], {"role": "assistant", "content": "no"}]
+    for later, reason in ((other, "another conversation"), (changed, "with changes")):
+        write_lines(tmp_path / "a.jsonl", [{"messages": options}, {"messages": later}])
+        trajectories, (rejected,) = read(tmp_path)
+        assert not trajectories
+        assert (rejected.file, rejected.field) == ("a.jsonl", "line 2, messages")
+        assert reason in rejected.reason
+        assert "write a file for each run" in rejected.reason
+
+
+@pytest.mark.parametrize("unit", ["", "_px"])
+def test_a_display_of_another_size_than_the_screenshot_is_refused(
+    unit: str, tmp_path: Path
+) -> None:
+    options = messages(tmp_path)
+    (tmp_path / "run.json").unlink()
+    for width, steps in ((400, ["click", "hotkey"]), (800, ["hotkey"])):
+        tool = {"name": "computer", f"display_width{unit}": width, f"display_height{unit}": 200}
+        write_json(tmp_path / "a.json", {"tools": [tool], "messages": options})
+        (trajectory,), rejected = read(tmp_path)
+        assert [s.action.type for s in trajectory] == steps
+        assert [r.field for r in rejected] == ["tools"] * (2 - len(steps))
+    assert "a display of 800x200, but the screenshot is 400x200" in rejected[0].reason
+
+
 def test_the_member_tools_of_the_toolset(tmp_path: Path) -> None:
     click = {**use("b", {"coordinate": [7, 8]}, toolset_name="computer"), "name": "right_click"}
     look = {**use("a", {}, toolset_name="computer"), "name": "screenshot"}

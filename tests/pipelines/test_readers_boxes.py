@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hijack_data.smart_resize import smart_resize
 from hijack_data.types import Trajectory
 from pipelines import build
 from pipelines.dataset.manifest import read_manifest
@@ -112,6 +113,21 @@ def test_what_is_no_box(bad: Any) -> None:
         "pixels",
         "xyxy",
     )
+
+
+def test_boxes_of_the_resized_picture_are_scaled() -> None:
+    size = (2160, 3840)
+    height, width = smart_resize(*size)
+    assert (height, width) != size
+    box = box_in(("resized", "xyxy"), [width / 4, height / 4, width, height], size, "bbox")
+    assert box == (960, 540, 3840, 2160)
+
+
+@pytest.mark.parametrize("order", ["xyxy", "xywh"])
+def test_fractions_are_no_thousandths(order: str) -> None:
+    """On a picture of four thousand pixels they would be a box of a few in its corner."""
+    with pytest.raises(FieldError, match="in another space"):
+        box_in(("thousand", order), [0.3, 0.3, 0.9, 0.9], (2160, 3840), "bbox")
 
 
 def test_pictures_are_looked_at_only_as_far_as_it_matters() -> None:

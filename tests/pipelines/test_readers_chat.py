@@ -91,6 +91,59 @@ def test_one_picture_needs_no_placeholder_and_several_do(tmp_path: Path) -> None
     assert "which of the 2 pictures" in rejected.reason
 
 
+# The same point of a picture of any size.
+THOUSANDTHS = {"messages": openai_row(["Action: click(start_box='(100,50)')"], [])["messages"]}
+
+
+def test_a_row_that_states_another_size_than_its_picture_is_refused(tmp_path: Path) -> None:
+    row = openai_row(CODES[:1], files(tmp_path))
+    sizes = [{"width": 400, "height": 200}, {"width": 800, "height": 400}]
+    write_lines(tmp_path / "a.jsonl", [{**row, **size} for size in sizes])
+    (trajectory,), rejected = read(tmp_path)
+    assert trajectory.id == "a/000000"
+    assert {(r.where, "picture is 400x200" in r.reason) for r in rejected[:1]} == {("line 2", True)}
+    write_lines(tmp_path / "a.jsonl", [{**row, **sizes[1], **THOUSANDTHS}])
+    (trajectory,), rejected = read(tmp_path, coordinates="thousand")
+    assert (trajectory.steps[0].action, rejected) == (Action("click", 40, 10), [])
+    picture = {"bytes": png(0), "path": None}
+    write_table(tmp_path / "a.parquet", [{**row, **size, "images": [picture]} for size in sizes])
+    (trajectory,), rejected = read(tmp_path, "parquet")
+    assert [r.where for r in rejected][:1] == ["row 1"]
+
+
+def test_pictures_that_no_placeholder_shows_leave_the_screen_unknown(tmp_path: Path) -> None:
+    row = openai_row(CODES[:1], files(tmp_path, 2))
+    write_lines(tmp_path / "a.jsonl", [row])
+    trajectories, (rejected,) = read(tmp_path)
+    assert not trajectories
+    assert (rejected.where, rejected.field) == ("line 1", "messages")
+    assert "show 1 of the row's 2 pictures" in rejected.reason
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        {"type": "image", "image": "images/1.png"},
+        {"type": "image_url", "image_url": {"url": "images/1.png"}},
+        {"type": "input_image", "image_url": "images/1.png"},
+    ],
+)
+def test_a_part_that_names_a_picture_names_that_of_the_row(
+    part: dict[str, Any], tmp_path: Path
+) -> None:
+    content = [part, {"type": "text", "text": "open it"}]
+    messages = [{"role": "user", "content": content}, {"role": "assistant", "content": CODES[0]}]
+    other, same = files(tmp_path, 2)
+    write_lines(tmp_path / "a.jsonl", [{"messages": messages, "images": [same]}])
+    (trajectory,), rejected = read(tmp_path)
+    assert (Path(trajectory.steps[0].image).name, rejected) == ("1.png", [])
+    write_lines(tmp_path / "a.jsonl", [{"messages": messages, "images": [other]}])
+    trajectories, rejected = read(tmp_path)
+    assert not trajectories
+    assert rejected[0].field.startswith("messages[0].content.image")
+    assert "names 'images/1.png', but picture 0 of the row is 'images/0.png'" in rejected[0].reason
+
+
 def test_pictures_as_data_urls_and_from_the_source(tmp_path: Path) -> None:
     link = "data:image/png;base64," + base64.b64encode(png(7)).decode()
     names = files(tmp_path)
@@ -148,6 +201,36 @@ def test_a_reply_that_is_no_action_is_no_step(tmp_path: Path) -> None:
     value, (rejected,) = read(tmp_path)
     assert not value
     assert "hold no action" in rejected.reason
+
+
+@pytest.mark.parametrize(
+    ("reply", "kind"),
+    [
+        ("Done.\n```python\ncomputer.terminate(status='success')\n```", "done"),
+        ("Three times.\ncomputer.tripleClick(x=100, y=50)", "triple_click"),
+        ("```python\ncomputer.wait(3)\n```", "wait"),
+    ],
+)
+def test_code_of_agentnets_computer_alone_is_an_action(
+    reply: str, kind: str, tmp_path: Path
+) -> None:
+    row = openai_row([CODES[0], reply, "The computer.waits"], files(tmp_path, 3))
+    write_lines(tmp_path / "a.jsonl", [row])
+    (trajectory,), _ = read(tmp_path)
+    assert [step.action.type for step in trajectory.steps] == ["click", kind]
+
+
+@pytest.mark.parametrize("make", [openai_row, sharegpt_row])
+def test_a_reply_between_two_pictures_that_is_no_action_is_reported(
+    make: Any, tmp_path: Path
+) -> None:
+    """The screen changed after it, so an action was lost; prose after the last picture is none."""
+    replies = [CODES[0], "press(enter)", CODES[1], "It is open now."]
+    write_lines(tmp_path / "a.jsonl", [make(replies, files(tmp_path, 4))])
+    (trajectory,), (rejected,) = read(tmp_path)
+    assert [Path(step.image).name for step in trajectory.steps] == ["0.png", "2.png"]
+    assert rejected.field.endswith("[3]")
+    assert "no action that is known" in rejected.reason
 
 
 def test_aguvis_has_thoughts_and_actions_in_one_turn_each(tmp_path: Path) -> None:

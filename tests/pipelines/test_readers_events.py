@@ -12,6 +12,7 @@ from hijack_data.types import Action
 from pipelines import build, open_dataset, verify
 from pipelines.readers import detect_format
 from pipelines.readers.recorded_pictures import read_picture
+from pipelines.readers.recording_facts import episode_id
 
 from support.formats import chat_code, png, write_table
 from support.recordings import read_source
@@ -162,30 +163,58 @@ def test_a_damaged_arrow_file_is_rejected(tmp_path: Path) -> None:
         assert rejected or value
 
 
-def test_tess_agentnet(tmp_path: Path) -> None:
-    def row(episode: str, index: int, **action: Any) -> dict[str, Any]:
-        return {
-            "id": f"{episode}-{index}",
-            "os_type": "ubuntu",
-            "episode_id": episode,
-            "step_idx": index,
-            "image": {"bytes": png(index), "path": None},
-            "instruction": f"do {episode}",
-            "action_type": 0,
-            "mouse_x": 0.25,
-            "mouse_y": 0.5,
-            "click_type": 1,
-            "keyboard_text": "",
-            **action,
-        }
+def tess_row(episode: str, index: int, **action: Any) -> dict[str, Any]:
+    return {
+        "id": f"{episode}-{index}",
+        "os_type": "ubuntu",
+        "episode_id": episode,
+        "step_idx": index,
+        "image": {"bytes": png(index), "path": None},
+        "instruction": f"do {episode}",
+        "action_type": 0,
+        "mouse_x": 0.25,
+        "mouse_y": 0.5,
+        "click_type": 1,
+        "keyboard_text": "",
+        **action,
+    }
 
+
+def test_steps_of_an_episode_are_in_order_and_none_comes_twice(tmp_path: Path) -> None:
+    rows = [tess_row("a", 2), tess_row("a", 0), tess_row("a", 0, click_type=3), tess_row("a", 1)]
+    write_table(tmp_path / "source" / "train.parquet", rows)
+    report = build(tmp_path / "source", tmp_path / "out", corruptions={})
+    assert [row["id"] for row in open_dataset(tmp_path / "out")] == [
+        f"a/000{number}/clean" for number in (0, 1, 2)
+    ]
+    (rejected,) = report.examples
+    assert rejected.startswith("train.parquet: a, step 0: step: 'a' has a step 0 already")
+
+
+def test_an_episode_that_ends_in_the_next_file_is_one_episode(tmp_path: Path) -> None:
+    write_table(tmp_path / "train-0.parquet", [tess_row("a", 0), tess_row("a", 1)])
+    write_table(tmp_path / "train-1.parquet", [tess_row("a", 2), tess_row("b", 0)])
+    trajectories, rejected = read(tmp_path)
+    assert not rejected
+    assert [t.id for t in trajectories] == ["a", "train-1/a", "b"]
+    assert [episode_id(t) for t in trajectories] == ["a", "a", "b"]
+
+
+def test_fractions_are_no_pixels_of_cua_bench(tmp_path: Path) -> None:
+    trace(tmp_path / "t", [RESET, ("step:before", {"action": "ClickAction(x=0.4, y=0.3)"}, [1])])
+    value, (rejected,) = read(tmp_path)
+    assert not value
+    assert "are fractions of the picture" in rejected.reason
+
+
+def test_tess_agentnet(tmp_path: Path) -> None:
     rows = [
-        row("a", 0),
-        row("a", 1, click_type=3),
-        row("a", 2, click_type=9),
-        row("a", 3, mouse_x=100.0, mouse_y=50.0),
-        row("b", 0, action_type=1, keyboard_text="hello"),
-        row("b", 1, action_type=1, keyboard_text="<ENTER>"),
+        tess_row("a", 0),
+        tess_row("a", 1, click_type=3),
+        tess_row("a", 2, click_type=9),
+        tess_row("a", 3, mouse_x=100.0, mouse_y=50.0),
+        tess_row("b", 0, action_type=1, keyboard_text="hello"),
+        tess_row("b", 1, action_type=1, keyboard_text="<ENTER>"),
     ]
     write_table(tmp_path / "train.parquet", rows)
     (first, two), rejected = read(tmp_path)

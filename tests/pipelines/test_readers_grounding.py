@@ -109,6 +109,14 @@ def test_boxes_of_one_picture_are_its_elements(tmp_path: Path) -> None:
     assert [t.steps[0].elements for t in value] == [tuple(CORNERS)] * 3
 
 
+def test_a_size_that_is_not_the_pictures_is_refused_where_pixels_count(tmp_path: Path) -> None:
+    size = {"width": 800, "height": 400}
+    box = (10, 20, 30, 40)
+    (rejected,) = read(make(tmp_path / "a", [{**screenspot("0.png", box, "a"), **size}]))[1]
+    assert "state 800x400, but the picture is 400x200" in rejected.reason
+    assert not read(make(tmp_path / "b", [{**os_atlas("0.png", box, "a"), **size}]))[1]
+
+
 def test_elements_of_os_atlas(tmp_path: Path) -> None:
     parts = [{"instruction": f"text {i}", "bbox": fractions(box)} for i, box in enumerate(CORNERS)]
     make(tmp_path, [{"img_filename": "0.png", "url": "x", "elements": parts}])

@@ -75,6 +75,19 @@ def test_metadata_lies_beside_its_pictures_as_well(pictures: Path) -> None:
     assert read(pictures)[0]["sub/b.JPG"].domain == "mobile"
 
 
+def test_metadata_are_of_one_picture_and_in_one_place(pictures: Path) -> None:
+    """A smaller copy would get the coordinates of the other picture."""
+    (pictures / "a.json").write_text('{"instruction": "look"}')
+    (pictures / "metadata.jsonl").write_text('{"file_name": "a.png", "instruction": "see"}')
+    rejected = {r.file: r.reason for r in read(pictures)[1]}
+    assert "in metadata.jsonl and in a.json" in rejected["a.png"]
+    (pictures / "metadata.jsonl").unlink()
+    Image.new("RGB", (32, 20), "navy").save(pictures / "a.jpg")
+    rejected = {r.file: r.reason for r in read(pictures)[1]}
+    assert sorted(rejected) == ["a.jpg", "a.png"]
+    assert "a.json may describe a.jpg or a.png" in rejected["a.png"]
+
+
 def test_a_json_object_beside_a_picture(pictures: Path) -> None:
     (pictures / "a.json").write_text('{"instruction": "look"}')
     assert detect_format(pictures) == "images"

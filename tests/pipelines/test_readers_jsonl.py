@@ -65,7 +65,6 @@ def test_all_fields_of_an_action(recording: Any, add_line: Any, good_line: Any) 
         "y": 2,
         "x2": 319,
         "y2": 199,
-        "text": "é",
         "keys": ["ctrl", "a"],
         "amount": -3,
     }
@@ -74,7 +73,7 @@ def test_all_fields_of_an_action(recording: Any, add_line: Any, good_line: Any) 
         good_line("t0", 7, image="images/t0-0.png", action=action, apps=None, domain="tests"),
     )
     step = read(folder)[0][0].steps[-1]
-    assert step.action == Action("drag", 2, 2, 319, 199, "é", ("ctrl", "a"), -3.0)
+    assert step.action == Action("drag", 2, 2, 319, 199, None, ("ctrl", "a"), -3.0)
 
 
 def test_a_byte_order_mark_and_windows_line_ends(recording: Any) -> None:
@@ -231,6 +230,20 @@ def test_a_key_twice_is_refused_where_it_stands(
     assert len(trajectories[0].steps) == 3
 
 
+def test_a_line_that_states_another_size_than_its_picture_is_refused(
+    recording: Any, add_line: Any, good_line: Any
+) -> None:
+    """Such as the viewport of a browser whose screenshots have two pixels for each of its own."""
+    folder = recording(trajectories=1, steps=1)
+    for step, size in ((7, (320, 200.0)), (8, (160, 100)), (9, (160, None))):
+        line = good_line("t0", step, image="images/t0-0.png", width=size[0], height=size[1])
+        add_line(folder, line)
+    (trajectory,), (rejected,) = read(folder)
+    assert [step.index for step in trajectory.steps] == [0, 7, 9]
+    assert rejected.field == "width"
+    assert "state 160x100, but the picture is 320x200" in rejected.reason
+
+
 @pytest.fixture
 def read_with(recording: Any, add_line: Any, good_line: Any) -> Any:
     """Return what reads a recording with one more step, of an action and its code."""
@@ -269,6 +282,12 @@ def read_with(recording: Any, add_line: Any, good_line: Any) -> Any:
         ),
         ({"type": "type", "text": "a"}, "DONE", "says done, but action is type"),
         ({"type": "other"}, "pyautogui.click(0.5, 0.25)", "counts in fractions of the picture"),
+        ({"type": "other"}, "computer.tripleClick(0.5, 0.2)", "counts in fractions of the picture"),
+        (
+            {"type": "click", "x": 100, "y": 50},
+            "computer.triple_click(100, 50)",
+            "says triple_click at (100, 50), but action is click at (100, 50)",
+        ),
     ],
 )
 def test_code_that_contradicts_its_action_is_refused(
@@ -550,6 +569,41 @@ def test_an_action_has_what_its_type_needs(kind: str, recording: Any, good_line:
                 with pytest.raises(FieldError) as error:
                     fields.action(action, (9, 9))
                 assert error.value.field == f"action.{name}"
+
+
+POINTING = tuple(kind for kind in ACTION_TYPES if "x" in REQUIRED.get(kind, ()))
+PARTS = {
+    "x y": (*POINTING, "scroll", "other"),
+    "x2 y2": ("drag", "other"),
+    "text": ("type", "done", "fail", "other"),
+}
+
+
+@pytest.mark.parametrize("names", PARTS)
+@pytest.mark.parametrize("kind", ACTION_TYPES)
+def test_an_action_has_no_field_of_another_type(
+    kind: str, names: str, recording: Any, add_line: Any, good_line: Any
+) -> None:
+    """A click with the end of a drag, or a text with the place of a click, would lose a part."""
+    jsonschema = pytest.importorskip("jsonschema", reason="pip install jsonschema")
+    schema = json.loads(SCHEMA.read_text())
+    check = jsonschema.Draft202012Validator(schema["$defs"]["action"] | {"$defs": schema["$defs"]})
+    needs = REQUIRED.get(kind, ())
+    fits = kind in PARTS[names]
+    action = {"type": kind, **{name: FULL[name] for name in (*needs, *names.split())}}
+    assert check.is_valid(lowered(action)) == fits
+    folder = recording(trajectories=1, steps=1)
+    add_line(folder, good_line("t0", 8, image="images/t0-0.png", action=action))
+    rejected = read(folder)[1]
+    assert [r.field for r in rejected] == ([] if fits else [f"action.{names.split()[0]}"])
+
+
+def test_an_end_in_fractions_is_said_once(recording: Any, add_line: Any, good_line: Any) -> None:
+    folder = recording()
+    drag = {"type": "drag", "x": 5, "y": 6, "x2": 0.5, "y2": 0.5}
+    add_line(folder, good_line("t0", 8, image="images/t0-0.png", action=drag))
+    (rejected,) = read(folder)[1]
+    assert (rejected.field, rejected.reason.count("fractions")) == ("action.x2", 1)
 
 
 def lowered(action: dict[str, Any]) -> dict[str, Any]:

@@ -58,6 +58,23 @@ def test_the_shapes_of_a_log(shape: str, tmp_path: Path) -> None:
     assert [read_picture(s.image, "") for s in trajectory] == [png(0), png(1)]
 
 
+def test_a_second_task_in_a_file_is_refused_unless_it_continues(tmp_path: Path) -> None:
+    options = items(tmp_path)
+    (tmp_path / "run.jsonl").unlink()
+    for text in ("do that", [{"role": "user", "content": "do that"}]):
+        write_lines(tmp_path / "a.jsonl", [{"model": "m"}, {"input": options}, {"input": text}])
+        trajectories, (rejected,) = read(tmp_path)
+        assert not trajectories
+        assert (rejected.field, "another conversation" in rejected.reason) == (
+            "line 3, input",
+            True,
+        )
+        continued = {"previous_response_id": "r1", "input": text}
+        write_lines(tmp_path / "a.jsonl", [{"input": options}, continued])
+        (trajectory,), rejected = read(tmp_path)
+        assert (trajectory.instruction, len(trajectory.steps), rejected) == ("do it", 2, [])
+
+
 def test_an_input_that_is_text_and_a_picture_in_the_first_message(tmp_path: Path) -> None:
     write_json(
         tmp_path / "a.json", [{"input": "press it"}, shot("x", 3), call("1", {"type": "wait"})]

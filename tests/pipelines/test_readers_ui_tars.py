@@ -29,6 +29,18 @@ def test_thousandths_and_pixels_of_the_resized_picture_are_the_same_point(tmp_pa
     assert Path(thousand.steps[1].image).read_bytes() == png(1)
 
 
+def test_chat_rows_a_line_are_no_log_of_one_run(tmp_path: Path) -> None:
+    rows = []
+    for task in ("open the menu", "close the window"):
+        content = [{"type": "text", "text": task}, {"type": "image_url", "image_url": url(0)}]
+        reply = {"role": "assistant", "content": "Action: click(start_box='(10,20)')"}
+        rows.append({"messages": [{"role": "user", "content": content}, reply]})
+    write_lines(tmp_path / "a.jsonl", rows)
+    trajectories, (rejected,) = read(tmp_path)
+    assert not trajectories
+    assert (rejected.field, "another conversation" in rejected.reason) == ("line 2, messages", True)
+
+
 def test_a_full_screen_by_hand(tmp_path: Path) -> None:
     # smart_resize gives 1092x1932 for 1080x1920: x = 966 * 1920 / 1932 = 960, y = 546 * 1080 / 1092
     # = 540.

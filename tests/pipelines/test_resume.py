@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
@@ -343,6 +344,83 @@ def test_two_builds_of_one_folder(recording: Any, planners: Any, tmp_path: Path)
 
     build(source, out, corruptions=planners, progress=second)
     assert calls
+
+
+DOTS = """
+import hijack_data as hj
+
+class Dots(hj.Planner):
+    def __init__(self, number, more=None):
+        self.number, self.more = number, more
+
+    def plan(self, scene, **key):
+        return hj.Marks(number=self.number + 0, mark_size=8).plan(scene, **key)
+"""
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "module", "reason"),
+    [
+        (
+            "hj.Schedule(lambda _: hj.Marks(number=2))",
+            "hj.Schedule(lambda _: hj.Marks())",
+            DOTS,
+            "other",
+        ),
+        ("Dots(2)", "Dots(3)", DOTS, "other"),
+        ("hj.OneOf([Dots(2)])", "hj.OneOf([Dots(2)])", DOTS.replace("+ 0", "+ 1"), "other"),
+        ("Dots(2, abs)", "Dots(2, abs)", DOTS, "nothing shows"),
+        ("hj.OneOf([Dots(2, hj.Marks())])", "hj.OneOf([Dots(2, hj.Marks())])", DOTS, ""),
+    ],
+)
+def test_planners_that_no_configuration_holds_resume_with_the_same_alone(
+    first: str,
+    second: str,
+    module: str,
+    reason: str,
+    recording: Any,
+    tmp_path: Path,
+    monkeypatch: Any,
+) -> None:
+    def planner(text: str, code: str, name: str) -> Any:
+        file = tmp_path / f"{name}.py"
+        file.write_text(code)
+        spec = spec_from_file_location("dots", file)
+        assert spec is not None
+        assert spec.loader is not None
+        loaded = module_from_spec(spec)
+        monkeypatch.setitem(sys.modules, "dots", loaded)
+        spec.loader.exec_module(loaded)
+        return eval(text, {"hj": hj, **vars(loaded)})
+
+    source, out = recording(trajectories=1, steps=1), tmp_path / "out"
+    build(source, out, corruptions={"it": planner(first, DOTS, "before")})
+    again = {"it": planner(second, module, "after")}
+    if not reason:
+        assert build(source, out, corruptions=again, resume=True).kept == 1
+        return
+    with pytest.raises(BuildError, match=f"{reason}.*it"):
+        build(source, out, corruptions=again, resume=True)
+
+
+@pytest.mark.parametrize("first", ["a fresh one", "one that overwrites"])
+def test_a_build_that_overwrites_leaves_another_build_alone(
+    recording: Any, planners: Any, tmp_path: Path, first: str
+) -> None:
+    source, out = recording(), tmp_path / "out"
+    if first == "one that overwrites":
+        build(source, out, corruptions={})
+    calls: list[str] = []
+
+    def second(*_: Any) -> None:
+        with pytest.raises(BuildError, match="another build is writing"):
+            build(source, out, corruptions={}, overwrite=True)
+        calls.append("refused")
+
+    report = build(source, out, corruptions=planners, overwrite=True, progress=second)
+    assert calls
+    assert len(open_dataset(out)) == report.total
+    assert not list(tmp_path.glob(".out.*"))
 
 
 def turned_round(image: Path) -> None:

@@ -76,8 +76,13 @@ class _PointNotes(Scaling):
         self.named.append(numbers)
 
 
-def calls_pyautogui(code: str) -> bool:
-    """Return whether a text is code that calls pyautogui, or is WAIT, FAIL or DONE."""
+def calls_pyautogui(code: str, *, or_computer: bool = False) -> bool:
+    """Return whether a text is code that calls pyautogui, or is WAIT, FAIL or DONE.
+
+    Args:
+        code: the text.
+        or_computer: calls of AgentNet's `computer`, which recorded code may have, count as well.
+    """
     if code.strip() in SPECIAL_WORDS:
         return True
     try:
@@ -85,13 +90,23 @@ def calls_pyautogui(code: str) -> bool:
             tree = ParsedSource(code).tree
     except ActionError:  # not Python
         return False
-    return any(_names_pyautogui(node) for node in ast.walk(tree))
+    return any(
+        _names_pyautogui(node) or (or_computer and _names_computer(node)) for node in ast.walk(tree)
+    )
 
 
 def _names_pyautogui(node: ast.AST) -> bool:
     match node:
         case ast.Name(id=name) | ast.alias(name=name) | ast.ImportFrom(module=str(name)):
             return name.split(".")[0] == "pyautogui"
+        case _:
+            return False
+
+
+def _names_computer(node: ast.AST) -> bool:
+    match node:
+        case ast.Attribute(value=ast.Name(id="computer")):
+            return True
         case _:
             return False
 

@@ -12,7 +12,7 @@ from hijack_data.errors import ActionError, ParameterError
 
 from ...building.build_options import Progress
 from ...dataset.manifest import is_lazy
-from ...dataset.opening import Dataset, open_dataset, shard_rows
+from ...dataset.opening import Dataset, open_split, shard_rows
 from ...edits.input_faults import describe_fault
 from ...errors import BuildError
 from ...prompts import PROMPTS
@@ -39,6 +39,7 @@ def export_onlooker(
     dialect: str = "pyautogui",
     keep_hidden: bool = False,
     balance: float = 1.0,
+    split: str | None = None,
     progress: Progress | None = None,
 ) -> OnlookerReport:
     """Export `reminders`, `summaries` and `recovery`.
@@ -46,7 +47,7 @@ def export_onlooker(
     See `pipelines.exports.export` for arguments and errors. Only the actions of recovery steps are
     labels, so only recovery steps are left out if their target is hidden.
     """
-    dataset = open_dataset(folder)
+    dataset = open_split(folder, split)
     manifest = dataset.manifest
     sampler = OnlookerSampler(int(manifest["parameters"]["seed"]), balance)
     _check_events(dataset)
@@ -65,7 +66,8 @@ def export_onlooker(
                 progress(rows_done, len(dataset), "rows")
         report.short = sampler.short
         content = {"keep_hidden": keep_hidden, "content": dataset.fingerprint}
-        write_report(export_folder, report.to_data() | content)
+        part = {} if split is None else {"split": split}
+        write_report(export_folder, report.to_data() | content | part)
     return report
 
 
