@@ -142,9 +142,9 @@ def on_ray(source: Path, out: Path, deed: Any = None, **options: Any) -> Any:
     )
 
 
-def locally(source: Path, out: Path) -> dict[str, bytes]:
+def locally(source: Path, out: Path, deed: Any = None) -> dict[str, bytes]:
     """What an undisturbed build in this process makes."""
-    build(source, out, corruptions={"marks": Marks()}, rows_per_shard=1)
+    build(source, out, corruptions={"marks": Marks(deed)}, rows_per_shard=1)
     return contents(out)
 
 
@@ -187,11 +187,12 @@ def test_a_worker_that_is_killed_in_the_middle_of_a_shard(
     recording: Any, cluster: Any, tmp_path: Path
 ) -> None:
     source = recording(trajectories=6, steps=2)
-    report = on_ray(source, tmp_path / "out", partial(kill_self, tmp_path / "flag"))
+    deed = partial(kill_self, tmp_path / "flag")
+    report = on_ray(source, tmp_path / "out", deed)
     assert (tmp_path / "flag").exists()
     assert (report.shards, report.rejected) == (6, 0)
     # and no temporary file
-    assert contents(tmp_path / "out") == locally(source, tmp_path / "whole")
+    assert contents(tmp_path / "out") == locally(source, tmp_path / "whole", deed)
 
 
 def test_a_shard_that_kills_every_worker_is_given_up(
@@ -225,7 +226,7 @@ def test_a_node_that_dies(recording: Any, cluster: Any, tmp_path: Path) -> None:
         cluster.remove_node(node, allow_graceful=False)
     assert (tmp_path / "flag").exists(), "the third node had no shard"
     assert report.shards == 8
-    assert contents(out) == locally(source, tmp_path / "whole")
+    assert contents(out) == locally(source, tmp_path / "whole", deed)
 
 
 @pytest.mark.parametrize(
