@@ -368,7 +368,7 @@ def test_tasks_that_cannot_be_played_are_listed_and_counted(osworld, tmp_path) -
         words = ("--reset-command", REVERT)
         refused = bench(osworld, shelf, vms, *words, "--dry-run")
         assert refused.returncode == 2
-        assert "t-drive: it needs an account" in refused.stderr
+        assert "it needs an account" in refused.stderr  # in some tiers, a package as well
         assert "t-proxy: its sites need OSWorld's proxy" in refused.stderr
         assert "2 of 3 tasks can't be played" in refused.stderr
         result = bench(osworld, shelf, vms, *words, "--unplayable", "zero")

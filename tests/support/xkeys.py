@@ -67,7 +67,7 @@ class Server:
     def close(self) -> None:
         """Nothing is open."""
 
-    def intern_atom(self, name: str) -> int:
+    def get_atom(self, name: str) -> int:
         return len(name)
 
     def get_input_focus(self) -> Any:
