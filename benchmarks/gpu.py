@@ -79,6 +79,12 @@ def batch_rows(image: np.ndarray) -> list[list[str]]:
             device, host = device_times(lambda turn=turn, batch=batch: hj.apply(next(turn), batch))
             wrong = wrong_bytes(hj.apply(ready[0], batch), hj.apply(ready[0], batch.cpu()))
             planning = times(plans, 5)
+            prepared = itertools.cycle(
+                [hj.prepare(batch_plans).pin_memory() for batch_plans in ready]
+            )
+            _, prepared_host = device_times(
+                lambda turn=prepared, batch=batch: hj.apply(next(turn), batch)
+            )
             row = [
                 mix,
                 layout,
@@ -86,6 +92,7 @@ def batch_rows(image: np.ndarray) -> list[list[str]]:
                 cell(device),
                 ratio(device, clone),
                 cell(host),
+                cell(prepared_host),
                 cell(planning),
                 str(wrong),
             ]
@@ -137,6 +144,7 @@ def main() -> None:
         "on the device",
         "/ clone",
         "on the host",
+        "on the host, prepared",
         "planning, apart",
         "bytes unlike the CPU's",
     ]

@@ -18,6 +18,7 @@ SCRIPTS = {
     "augment": "Training-time augmentation, against other libraries",
     "labels": "Labels of a sample",
     "gpu": "On a GPU",
+    "gpu_host": "The host's work for a GPU",
     "gpu_training": "Training a model of 7 billion weights on a GPU",
     "levels": "Severity levels, measured",
     "proof": "Is the augmentation worth using?",

@@ -42,6 +42,7 @@ if TYPE_CHECKING:  # the same names, for type checkers; tests/test_api.py compar
     from .errors import HijackError as HijackError
     from .plan import Plan as Plan
     from .planner import Planner as Planner
+    from .prepared_plans import prepare as prepare
     from .safety import Safety as Safety
     from .safety import judge as judge
     from .types import Action as Action
@@ -73,6 +74,7 @@ _HOMES = {
     "errors": ("HijackError",),
     "plan": ("Plan",),
     "planner": ("Planner",),
+    "prepared_plans": ("prepare",),
     "safety": ("Safety", "judge"),
     "types": ("Action", "Scene", "Step", "Trajectory"),
 }

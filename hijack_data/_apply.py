@@ -15,6 +15,7 @@ from .errors import ImageError, ImageTypeError, ParameterError, ParameterTypeErr
 from .kernels.cpu.pixels import paste
 from .kernels.stamps import Stamp, check_drawings, plan_stamps
 from .plan import Paste, Plan
+from .prepared_plans import PreparedPlans
 from .types import Size, size_text
 
 PIXELS_PER_PART = 8000  # what a part of a PIL image costs beside its pixels
@@ -24,12 +25,12 @@ _NO_PIL = "inplace=True: a PIL image cannot be written into; use the returned im
 @overload
 def apply(plan: Plan, image: Any, *, inplace: bool = False) -> Any: ...
 @overload
-def apply(plan: Sequence[Plan], image: Any, *, inplace: bool = False) -> Any: ...
-def apply(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> Any:
+def apply(plan: Sequence[Plan] | PreparedPlans, image: Any, *, inplace: bool = False) -> Any: ...
+def apply(plan: Plan | Sequence[Plan] | PreparedPlans, image: Any, *, inplace: bool = False) -> Any:
     """Apply a plan to a picture, or one plan each to a batch.
 
     Args:
-        plan: one plan, or a list of plans, one for each picture.
+        plan: one plan, or a list of plans, one for each picture, or what `prepare` made of it.
         image: uint8 RGB. NumPy and JAX `[..., H, W, 3]`, torch `[..., 3, H, W]` (any memory format,
             any device), a PIL image in mode RGB, or a list of pictures, which may differ in size.
         inplace: write into `image` (NumPy and torch, when the size stays). By default the input is
@@ -54,7 +55,8 @@ def apply(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> 
     return _apply(plan, image, inplace)
 
 
-def _apply(plan: Plan | Sequence[Plan], image: Any, inplace: bool) -> Any:
+def _apply(plan: Plan | Sequence[Plan] | PreparedPlans, image: Any, inplace: bool) -> Any:
+    prepared = plan if isinstance(plan, PreparedPlans) else None
     plans = _plans(plan)
     if not isinstance(cast(object, inplace), bool):
         raise ParameterTypeError(f"inplace must be True or False, got {short_repr(inplace)}")
@@ -70,8 +72,9 @@ def _apply(plan: Plan | Sequence[Plan], image: Any, inplace: bool) -> Any:
     if inplace:
         backend.check_writable(image)
         check_keeps_size(plans)
-        check_drawings(plans)
-    return backend.apply_many(plans, image, lead, inplace=inplace)
+        if prepared is None:
+            check_drawings(plans)
+    return backend.apply_many(plans, image, lead, inplace=inplace, prepared=prepared)
 
 
 def _plans(plan: object) -> list[Plan]:
@@ -81,6 +84,8 @@ def _plans(plan: object) -> list[Plan]:
         ImageTypeError: `plan` is neither.
     """
     listed: object = [plan] if isinstance(plan, Plan) else plan
+    if isinstance(listed, PreparedPlans):
+        listed = listed.plans
     if isinstance(listed, list | tuple):
         plans = cast("Sequence[object]", listed)
         if all(isinstance(candidate, Plan) for candidate in plans):

@@ -11,6 +11,7 @@ from ..array_overlap import overlaps
 from ..errors import ImageError, ImageTypeError, ParameterError
 from ..kernels import Stamp, plan_stamps
 from ..plan import Paste, Plan
+from ..prepared_plans import PreparedPlans
 from ..types import Size, UInt8Array, size_text
 
 
@@ -135,7 +136,13 @@ class Backend(ABC):
         """Return a new picture of `size` (height, width), bit for bit Pillow's bicubic result."""
 
     def apply_many(
-        self, plans: list[Plan], images: Any, lead: tuple[int, ...], *, inplace: bool = False
+        self,
+        plans: list[Plan],
+        images: Any,
+        lead: tuple[int, ...],
+        *,
+        inplace: bool = False,
+        prepared: PreparedPlans | None = None,
     ) -> Any:
         """Apply one plan to each picture of an array; the caller has checked all arguments.
 
@@ -144,6 +151,7 @@ class Backend(ABC):
             images: one picture, or a batch with leading axes `lead`.
             lead: the leading axes; `()` for a single picture.
             inplace: write into `images`, which no plan resizes, and return it.
+            prepared: what a GPU pastes, if it was drawn before.
 
         Returns:
             One array, or a list of pictures if their sizes differ.

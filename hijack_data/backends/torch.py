@@ -19,6 +19,7 @@ from ..kernels import Stamp, plan_stamps, torch_ops
 from ..kernels.cpu import pixels
 from ..kernels.gpu import device
 from ..plan import Paste, Plan, Resample
+from ..prepared_plans import PreparedPlans
 from ..types import Size, UInt8Array
 from .base import Backend, keeps_size, picture_indices
 
@@ -87,11 +88,19 @@ class TorchBackend(Backend):
         return torch_ops.tensor(resized).permute(2, 0, 1)
 
     def apply_many(
-        self, plans: list[Plan], images: Tensor, lead: tuple[int, ...], *, inplace: bool = False
+        self,
+        plans: list[Plan],
+        images: Tensor,
+        lead: tuple[int, ...],
+        *,
+        inplace: bool = False,
+        prepared: PreparedPlans | None = None,
     ) -> Any:
         """See `Backend.apply_many`; pictures that are not on the CPU are processed together."""
         if not together(images):
             return super().apply_many(plans, images, lead, inplace=inplace)
+        if not device.runs_on(images.device):
+            prepared = None
         same_size = keeps_size(plans)
         out = self.copy(images) if same_size and not inplace else images
         views = (
@@ -99,7 +108,7 @@ class TorchBackend(Backend):
             if len(lead) == 1
             else [out[index] for index in picture_indices(lead)]
         )
-        results = self._run_together(plans, views, owned=same_size)
+        results = self._run_together(plans, views, owned=same_size, prepared=prepared)
         if not same_size:
             return self.gather(results, lead)
         for view, result in zip(views, results, strict=True):
@@ -108,7 +117,12 @@ class TorchBackend(Backend):
         return out
 
     def _run_together(
-        self, plans: list[Plan], images: list[Tensor], *, owned: bool
+        self,
+        plans: list[Plan],
+        images: list[Tensor],
+        *,
+        owned: bool,
+        prepared: PreparedPlans | None,
     ) -> list[Tensor]:
         """Run one plan for each of several pictures on one device, as `run` does for one picture.
 
@@ -118,7 +132,8 @@ class TorchBackend(Backend):
             _Run(plan, image, writable=owned) for plan, image in zip(plans, images, strict=True)
         ]
         while True:
-            self._paste_all(runs)
+            self._paste_all(runs, prepared)
+            prepared = None  # it has the pastes before the first resize
             pending = [(run, op.size) for run in runs if (op := run.resize()) is not None]
             if not pending:
                 return [run.image for run in runs]
@@ -130,20 +145,27 @@ class TorchBackend(Backend):
                 run.writable = True
                 run.next_op += 1
 
-    def _paste_all(self, runs: list["_Run"]) -> None:
+    def _paste_all(self, runs: list["_Run"], prepared: PreparedPlans | None) -> None:
         """Make all pastes before the next resize of each picture."""
-        painted: list[_Run] = []
+        painted: list[int] = []
         stamps: list[list[Stamp]] = []
-        for run in runs:
-            pending = run.take_pastes(self.size(run.image))
-            if not run.writable and (pending is not None or not run.plan.ops):
+        for number, run in enumerate(runs):
+            pending = run.take_pastes()
+            if not run.writable and (pending or not run.plan.ops):
                 run.image = self.copy(run.image)
                 run.writable = True
-            if pending is not None:
-                painted.append(run)
-                stamps.append(pending)
-        if painted:
-            paste_many([run.image for run in painted], stamps)
+            if pending:
+                painted.append(number)
+                if prepared is None:
+                    size = self.size(run.image)
+                    drawn = (plan_stamps(run.plan, index, size) for index in pending)
+                    stamps.append([stamp for part in drawn for stamp in part])
+        images = [runs[number].image for number in painted]
+        if painted and prepared is not None:
+            rows = [prepared.rows[number] for number in painted]
+            device.paste_packed(images, prepared.memory, rows, prepared.tiles)
+        elif painted:
+            paste_many(images, stamps)
 
 
 @dataclass
@@ -155,15 +177,13 @@ class _Run:
     writable: bool
     next_op: int = 0
 
-    def take_pastes(self, size: Size) -> list[Stamp] | None:
-        """Return the stamps up to the next resize, if any, and count them as done."""
+    def take_pastes(self) -> range:
+        """Return the indices of the pastes up to the next resize, and count them as done."""
         ops = self.plan.ops
         start = self.next_op
-        stamps: list[Stamp] = []
         while self.next_op < len(ops) and isinstance(ops[self.next_op], Paste):
-            stamps += plan_stamps(self.plan, self.next_op, size)
             self.next_op += 1
-        return stamps if self.next_op > start else None
+        return range(start, self.next_op)
 
     def resize(self) -> Resample | None:
         """Return the next operation if it is a resize, otherwise `None`."""

@@ -15,40 +15,37 @@ opacity `b` with the opacity `a`. With `keep = 255 - opacity`, a byte `d` become
 8`, where `t = d * keep + colour * opacity + 128`.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
 from ..drawing.sprite import Color, Layer, Sprite
+from ..types import Size
 from .stamps import Stamp
 
 COLUMNS = 11
+ADDRESSES = [5, 7]  # the columns a and b
 FILL, INK, INKS, PICTURE, PAINT = range(5)
+# Size (height, width) of the tile of one program of the kernel: small enough that its values fit
+# into registers.
+PASTE_TILE = (8, 64)
 StampRows: TypeAlias = npt.NDArray[np.int64]
 # returns the address of an array, and its pitch in elements
 Addressing: TypeAlias = Callable[[npt.NDArray[Any]], tuple[int, int]]
 
 
-def stamp_rows(
-    stamps: Iterable[Stamp], key: object, make: Callable[[Sprite], StampRows]
-) -> StampRows:
+def stamp_rows(stamps: Iterable[Stamp], rows: Callable[[Sprite], StampRows]) -> StampRows:
     """Return the rows `[n, COLUMNS]` of stamps.
 
     Args:
         stamps: in the order of drawing.
-        key: the key under which a sprite caches the result of `make`.
-        make: returns the rows of a sprite that lies at (0, 0).
+        rows: returns the rows of a sprite that lies at (0, 0).
     """
     parts: list[StampRows] = []
     for stamp in stamps:
-        scratch = stamp.sprite.scratch
-        rows = scratch.get(key)
-        if rows is None:
-            rows = make(stamp.sprite)
-            scratch[key] = rows
-        part = rows[None].repeat(len(stamp.ys), axis=0)
+        part = rows(stamp.sprite)[None].repeat(len(stamp.ys), axis=0)
         part[:, :, 0] += stamp.ys[:, None]
         part[:, :, 1] += stamp.xs[:, None]
         parts.append(part.reshape(-1, COLUMNS))
@@ -80,3 +77,30 @@ def _row(layer: Layer, address: Addressing) -> tuple[int, ...]:
 def _pack_color(color: Color) -> int:
     red, green, blue = color
     return red << 16 | green << 8 | blue
+
+
+def overlapped_tiles(sizes: list[Size], tables: Sequence[StampRows]) -> npt.NDArray[np.int32]:
+    """Return the tiles that the rows of each picture overlap.
+
+    They are int32 `[n, 3]`: picture, and the tile's row and column. All rows are counted at once
+    with a summed-area table: four numbers at the corners of each row add one to all of its tiles.
+    """
+    if not sizes:
+        return np.empty((0, 3), np.int32)
+    tall, wide = PASTE_TILE
+    down = -(-max(height for height, _ in sizes) // tall) + 1
+    across = -(-max(width for _, width in sizes) // wide) + 1
+    picture = np.repeat(np.arange(len(tables)), [len(table) for table in tables])
+    y, x, h, w = np.concatenate(tables)[:, :4].T
+    top = y // tall
+    bottom = (y + h - 1) // tall + 1
+    left = x // wide
+    right = (x + w - 1) // wide + 1
+    count = np.zeros((len(sizes), down, across), np.int32)
+    np.add.at(count, (picture, top, left), 1)
+    np.add.at(count, (picture, top, right), -1)
+    np.add.at(count, (picture, bottom, left), -1)
+    np.add.at(count, (picture, bottom, right), 1)
+    np.cumsum(count, axis=1, out=count)
+    np.cumsum(count, axis=2, out=count)
+    return np.argwhere(count > 0).astype(np.int32)

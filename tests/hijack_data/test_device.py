@@ -3,6 +3,7 @@ byte for byte."""
 
 import itertools
 import os
+import pickle
 import subprocess
 import sys
 
@@ -117,6 +118,29 @@ def test_a_batch_of_one_size_stays_one_tensor(inplace):
         assert np.array_equal(array(out[i // 2, i % 2]), expected), plan.corruption
 
 
+def test_prepared_plans_are_drawn_in_another_process(monkeypatch):
+    names = [*SPECS, "clean", "pop_ups"]
+    plans = [
+        SPECS[name].plan(scene(SIZE), seed=5, sample=f"{i}") if name in SPECS else Plan.clean(SIZE)
+        for i, name in enumerate(names)
+    ]
+    expected = [reference(plan, picture(SIZE)) for plan in plans]
+    sent = pickle.loads(pickle.dumps(hj.prepare(plans)))
+    batch = torch.stack([tensor(picture(SIZE))] * len(plans))
+    for after, right in zip(hj.apply(sent, batch), expected, strict=True):
+        assert np.array_equal(array(after), right)
+    with pytest.raises(hj.HijackError, match="9 plans for 2 pictures"):
+        hj.apply(sent, batch[:2])
+    clean = hj.prepare(plans[-2:-1])
+    assert torch.equal(hj.apply(clean, batch[:1]), batch[:1])
+    same_size = hj.prepare(plans[:4])
+    assert len(same_size) == 4
+    monkeypatch.setattr(raster, "_cache", raster._Cache(2**24))
+    monkeypatch.setattr(raster, "_draw", lambda _recipe: pytest.fail("drawn again"))
+    for after, right in zip(hj.apply(same_size, batch[:4]), expected, strict=False):
+        assert np.array_equal(array(after), right)
+
+
 def test_in_place_is_refused_where_the_size_changes():
     plan = SPECS["resolution"].plan(scene(SIZE), seed=5, sample=0)
     with pytest.raises(hj.HijackError, match=r"inplace=True: .*resolution.* changes the size"):
@@ -156,7 +180,7 @@ def test_any_sprites_anywhere(data):
 @settings(max_examples=50, deadline=None)
 @given(st.data())
 def test_the_tiles_of_a_launch_are_those_that_a_row_meets(data):
-    (tall, wide), sizes, tables, expected = device._kernels().PASTE_TILE, [], [], set()
+    (tall, wide), sizes, tables, expected = stamp_rows.PASTE_TILE, [], [], set()
     for picture_number in range(data.draw(st.integers(1, 3))):
         height, width = data.draw(st.integers(1, 40)), data.draw(st.integers(1, 300))
         table = np.zeros((data.draw(st.integers(0, 4)), stamp_rows.COLUMNS), np.int64)
@@ -171,7 +195,9 @@ def test_the_tiles_of_a_launch_are_those_that_a_row_meets(data):
             }
         sizes.append((height, width))
         tables.append(table)
-    assert sorted(map(tuple, device._overlapped_tiles(sizes, tables).tolist())) == sorted(expected)
+    assert sorted(map(tuple, stamp_rows.overlapped_tiles(sizes, tables).tolist())) == sorted(
+        expected
+    )
 
 
 @settings(max_examples=10, deadline=None)
@@ -221,10 +247,11 @@ import triton
 from triton.backends.compiler import GPUTarget
 from triton.compiler import ASTSource
 
+from hijack_data.kernels import stamp_rows
 from hijack_data.kernels.gpu import triton as kernels
 
 tile, part = (
-    {"TALL": tall, "WIDE": wide} for tall, wide in (kernels.PASTE_TILE, kernels.RESIZE_TILE)
+    {"TALL": tall, "WIDE": wide} for tall, wide in (stamp_rows.PASTE_TILE, kernels.RESIZE_TILE)
 )
 for kernel, names, constants in (
     (kernels.paste, {"jobs": "*i64", "rows": "*i64", "tiles": "*i32"}, tile),

@@ -8,7 +8,7 @@ earlier work. The masks of a sprite stay on the device as long as the sprite sta
 import importlib.util
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
-from functools import cache, partial
+from functools import cache
 from typing import Any, TypeAlias, cast
 
 import numpy as np
@@ -21,7 +21,7 @@ from ...drawing.sprite import Sprite
 from ...resample import TABLE_BYTES, columns_first, weights
 from ...types import Size
 from .. import Stamp
-from ..stamp_rows import StampRows, sprite_rows, stamp_rows
+from ..stamp_rows import ADDRESSES, PASTE_TILE, StampRows, overlapped_tiles, sprite_rows, stamp_rows
 
 Array: TypeAlias = npt.NDArray[Any]
 ALIGNMENT_BYTES = 16
@@ -51,49 +51,49 @@ def paste_many(images: Sequence[Tensor], stamps: Sequence[list[Stamp]]) -> None:
 
     The pictures are uint8 `[3, H, W]`, of any size and strides.
     """
-    kernels = _kernels()
     device = images[0].device
     with _current_device(device):
         key = ("device-rows", device, _stream(device))
-        tables = [
-            stamp_rows(picture_stamps, key, partial(_upload, key=key, device=device))
-            for picture_stamps in stamps
-        ]
-        ends = np.cumsum([len(table) for table in tables])
-        jobs: list[tuple[int, ...]] = []
-        for image, table, end in zip(images, tables, ends.tolist(), strict=True):
-            first = end - len(table)
-            jobs.append((image.data_ptr(), *image.shape[1:], *image.stride(), first, end))
-        tiles = _overlapped_tiles([(image.shape[1], image.shape[2]) for image in images], tables)
-        if len(tiles):
-            tall, wide = kernels.PASTE_TILE
-            arguments = _send([np.array(jobs, np.int64), np.concatenate(tables), tiles], device)
-            kernels.paste[(len(tiles),)](*arguments, TALL=tall, WIDE=wide)
+
+        def rows(sprite: Sprite) -> StampRows:
+            if key not in sprite.scratch:
+                sprite.scratch[key] = _upload(sprite, key=key, device=device)
+            return sprite.scratch[key]
+
+        tables = [stamp_rows(picture_stamps, rows) for picture_stamps in stamps]
+        sizes = [(image.shape[1], image.shape[2]) for image in images]
+        _paste(images, tables, overlapped_tiles(sizes, tables))
 
 
-def _overlapped_tiles(sizes: list[Size], tables: list[StampRows]) -> npt.NDArray[np.int32]:
-    """Return the tiles that the rows of each picture overlap.
+def paste_packed(
+    images: Sequence[Tensor],
+    memory: Tensor,
+    tables: Sequence[StampRows],
+    tiles: npt.NDArray[np.int32],
+) -> None:
+    """As `paste_many`, with the rows of each picture, the memory in which they count, and tiles."""
+    with _current_device(images[0].device):
+        on_device = memory.to(images[0].device, non_blocking=True)
+        placed_tables = [table.copy() for table in tables]
+        for table in placed_tables:
+            table[:, ADDRESSES] += on_device.data_ptr()
+        _paste(images, placed_tables, tiles)
 
-    They are int32 `[n, 3]`: picture, and the tile's row and column. All rows are counted at once
-    with a summed-area table: four numbers at the corners of each row add one to all of its tiles.
-    """
-    tall, wide = _kernels().PASTE_TILE
-    down = -(-max(height for height, _ in sizes) // tall) + 1
-    across = -(-max(width for _, width in sizes) // wide) + 1
-    picture = np.repeat(np.arange(len(tables)), [len(table) for table in tables])
-    y, x, h, w = np.concatenate(tables)[:, :4].T
-    top = y // tall
-    bottom = (y + h - 1) // tall + 1
-    left = x // wide
-    right = (x + w - 1) // wide + 1
-    count = np.zeros((len(sizes), down, across), np.int32)
-    np.add.at(count, (picture, top, left), 1)
-    np.add.at(count, (picture, top, right), -1)
-    np.add.at(count, (picture, bottom, left), -1)
-    np.add.at(count, (picture, bottom, right), 1)
-    np.cumsum(count, axis=1, out=count)
-    np.cumsum(count, axis=2, out=count)
-    return np.argwhere(count > 0).astype(np.int32)
+
+def _paste(
+    images: Sequence[Tensor], tables: Sequence[StampRows], tiles: npt.NDArray[np.int32]
+) -> None:
+    if not len(tiles):
+        return
+    ends = np.cumsum([len(table) for table in tables])
+    jobs: list[tuple[int, ...]] = []
+    for image, table, end in zip(images, tables, ends.tolist(), strict=True):
+        first = end - len(table)
+        jobs.append((image.data_ptr(), *image.shape[1:], *image.stride(), first, end))
+    tall, wide = PASTE_TILE
+    numbers = [np.array(jobs, np.int64), np.concatenate(tables), tiles]
+    arguments = _send(numbers, images[0].device)
+    _kernels().paste[(len(tiles),)](*arguments, TALL=tall, WIDE=wide)
 
 
 def resample_many(images: Sequence[Tensor], sizes: Sequence[Size]) -> list[Tensor]:
@@ -195,25 +195,33 @@ def _table(n_in: int, n_out: int, device: torch.device, in_stream: int) -> tuple
 
 
 def _send(arrays: Sequence[Array], device: torch.device) -> list[Tensor]:
-    """Send arrays to the device in one copy from pinned memory, without waiting.
-
-    Each begins at a multiple of `ALIGNMENT_BYTES`.
-    """
-    rooms = [-(-array.nbytes // ALIGNMENT_BYTES) * ALIGNMENT_BYTES for array in arrays]
-    ends = np.cumsum(rooms, dtype=np.int64).tolist()
-    starts = [end - room for end, room in zip(ends, rooms, strict=True)]
-    total = max(sum(rooms), ALIGNMENT_BYTES)
-    memory = torch.empty(total, dtype=torch.uint8, pin_memory=device.type == "cuda")
-    host = memory.numpy()
-    for array, start in zip(arrays, starts, strict=True):
-        part = host[start : start + array.nbytes]
-        part.view(array.dtype).reshape(array.shape)[...] = array
+    """Send arrays to the device in one copy from pinned memory, without waiting."""
+    memory = pack(arrays, sum(map(room, arrays)), pin=device.type == "cuda")
     on_device = memory.to(device, non_blocking=True)
     tensors: list[Tensor] = []
-    for array, start in zip(arrays, starts, strict=True):
+    start = 0
+    for array in arrays:
         part = on_device[start : start + array.nbytes]
         tensors.append(part.view(_DTYPES[array.dtype.str]).reshape(array.shape))
+        start += room(array)
     return tensors
+
+
+def room(array: Array) -> int:
+    """Return the bytes that an array takes in packed memory, a multiple of `ALIGNMENT_BYTES`."""
+    return -(-array.nbytes // ALIGNMENT_BYTES) * ALIGNMENT_BYTES
+
+
+def pack(arrays: Sequence[Array], total: int, *, pin: bool = False) -> Tensor:
+    """Return arrays one after the other in memory of their rooms, whose sum is `total`."""
+    memory = torch.empty(max(total, ALIGNMENT_BYTES), dtype=torch.uint8, pin_memory=pin)
+    host = memory.numpy()
+    start = 0
+    for array in arrays:
+        part = host[start : start + array.nbytes]
+        part.view(array.dtype).reshape(array.shape)[...] = array
+        start += room(array)
+    return memory
 
 
 _DTYPES = {

@@ -14,8 +14,7 @@ import triton.language as tl
 from ...resample import PRECISION_BITS
 from .. import stamp_rows as r
 
-# Size (height, width) of the tile of one program: small enough that its values fit into registers.
-PASTE_TILE = (8, 64)
+# Size (height, width) of the tile of one program.
 RESIZE_TILE = (8, 128)
 
 # Columns of a job. Address, height, width, strides of channel, row and pixel, first row, end of
