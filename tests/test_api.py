@@ -17,14 +17,16 @@ import pipelines
 SIGNATURES = {
     "make_corruption": "(name: str, **values: Any) -> Corruption",
     "corruption_names": "(of: str = 'all') -> list[str]",
-    "apply": "(plan: Plan | Sequence[Plan], image: Any, *, inplace: bool = False) -> Any",
+    "apply": (
+        "(plan: Plan | Sequence[Plan] | PreparedPlans, image: Any, *, inplace: bool = False) -> Any"
+    ),
 }
 
 
 @pytest.mark.parametrize("name", SIGNATURES)
 def test_signatures(name):
     text = str(inspect.signature(getattr(hj, name))).replace("hijack_data.", "")
-    for module in ("corruption.", "plan.", "typing.", "collections.abc."):
+    for module in ("corruption.", "plan.", "prepared_plans.", "typing.", "collections.abc."):
         text = text.replace(module, "")
     assert text == SIGNATURES[name]
 
