@@ -6,12 +6,14 @@ Drawing takes most of the time that the host needs for a batch. A worker of the 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import prod
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import numpy.typing as npt
 
+from . import extras
 from .drawing.sprite import Sprite
+from .errors import ParameterTypeError
 from .kernels import Stamp, plan_stamps
 from .kernels.stamp_rows import StampRows, overlapped_tiles, sprite_rows, stamp_rows
 from .plan import Paste, Plan
@@ -54,9 +56,17 @@ def prepare(plans: Sequence[Plan]) -> PreparedPlans:
         plans: one for each picture of a batch.
 
     Raises:
+        MissingDependencyError: torch is not installed.
+        ParameterTypeError: `plans` is no list of plans.
         PlanError: this machine would draw something else than was planned.
     """
+    extras.require("prepare", "torch", ("torch",))
     from .kernels.gpu import device
+
+    listed = cast("Sequence[object]", plans)
+    is_list = isinstance(listed, list | tuple)
+    if not is_list or not all(isinstance(plan, Plan) for plan in listed):
+        raise ParameterTypeError("prepare takes a list of plans, one for each picture of a batch")
 
     arrays: list[npt.NDArray[Any]] = []
     starts: dict[int, int] = {}  # of the arrays, by their ids

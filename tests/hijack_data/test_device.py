@@ -131,6 +131,8 @@ def test_prepared_plans_are_drawn_in_another_process(monkeypatch):
         assert np.array_equal(array(after), right)
     with pytest.raises(hj.HijackError, match="9 plans for 2 pictures"):
         hj.apply(sent, batch[:2])
+    with pytest.raises(hj.HijackError, match="a list of plans"):
+        hj.prepare(plans[0])
     clean = hj.prepare(plans[-2:-1])
     assert torch.equal(hj.apply(clean, batch[:1]), batch[:1])
     same_size = hj.prepare(plans[:4])
