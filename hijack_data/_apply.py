@@ -72,9 +72,11 @@ def _apply(plan: Plan | Sequence[Plan] | PreparedPlans, image: Any, inplace: boo
     if inplace:
         backend.check_writable(image)
         check_keeps_size(plans)
-        if prepared is None:
-            check_drawings(plans)
-    return backend.apply_many(plans, image, lead, inplace=inplace, prepared=prepared)
+    if prepared is not None:
+        return backend.apply_prepared(prepared, image, lead, inplace=inplace)
+    if inplace:
+        check_drawings(plans)
+    return backend.apply_many(plans, image, lead, inplace=inplace)
 
 
 def _plans(plan: object) -> list[Plan]:

@@ -89,7 +89,7 @@ def prepare(plans: Sequence[Plan]) -> PreparedPlans:
     tables = tuple(stamp_rows(_first_stamps(plan), rows) for plan in plans)
     painted = [(p.size, t) for p, t in zip(plans, tables, strict=True) if _begins_with_paste(p)]
     tiles = overlapped_tiles([size for size, _ in painted], [table for _, table in painted])
-    return PreparedPlans(tuple(plans), device.pack(arrays, end), tables, tiles)
+    return PreparedPlans(tuple(plans), device.pack(arrays), tables, tiles)
 
 
 def _begins_with_paste(plan: Plan) -> bool:
@@ -97,10 +97,15 @@ def _begins_with_paste(plan: Plan) -> bool:
 
 
 def _first_stamps(plan: Plan) -> list[Stamp]:
-    """Return what a plan pastes before its first resize."""
+    """Return what a plan pastes before its first resize; the pastes after it are checked, too."""
     stamps: list[Stamp] = []
+    size = plan.size
+    has_resized = False
     for index, op in enumerate(plan.ops):
         if not isinstance(op, Paste):
-            break
-        stamps += plan_stamps(plan, index, plan.size)
+            size, has_resized = op.size, True
+            continue
+        op_stamps = plan_stamps(plan, index, size)
+        if not has_resized:
+            stamps += op_stamps
     return stamps

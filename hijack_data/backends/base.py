@@ -10,6 +10,7 @@ import numpy as np
 from ..array_overlap import overlaps
 from ..errors import ImageError, ImageTypeError, ParameterError
 from ..kernels import Stamp, plan_stamps
+from ..kernels.stamps import check_drawings
 from ..plan import Paste, Plan
 from ..prepared_plans import PreparedPlans
 from ..types import Size, UInt8Array, size_text
@@ -136,13 +137,7 @@ class Backend(ABC):
         """Return a new picture of `size` (height, width), bit for bit Pillow's bicubic result."""
 
     def apply_many(
-        self,
-        plans: list[Plan],
-        images: Any,
-        lead: tuple[int, ...],
-        *,
-        inplace: bool = False,
-        prepared: PreparedPlans | None = None,
+        self, plans: list[Plan], images: Any, lead: tuple[int, ...], *, inplace: bool = False
     ) -> Any:
         """Apply one plan to each picture of an array; the caller has checked all arguments.
 
@@ -151,7 +146,6 @@ class Backend(ABC):
             images: one picture, or a batch with leading axes `lead`.
             lead: the leading axes; `()` for a single picture.
             inplace: write into `images`, which no plan resizes, and return it.
-            prepared: what a GPU pastes, if it was drawn before.
 
         Returns:
             One array, or a list of pictures if their sizes differ.
@@ -165,6 +159,15 @@ class Backend(ABC):
             for plan, index in zip(plans, picture_indices(lead), strict=True)
         ]
         return self.gather(results, lead)
+
+    def apply_prepared(
+        self, prepared: PreparedPlans, images: Any, lead: tuple[int, ...], *, inplace: bool = False
+    ) -> Any:
+        """As `apply_many`; where no GPU takes what was prepared, the plans are drawn again."""
+        plans = list(prepared.plans)
+        if inplace:
+            check_drawings(plans)
+        return self.apply_many(plans, images, lead, inplace=inplace)
 
     def _apply_one(self, plan: Plan, image: Any, *, inplace: bool) -> Any:
         result = self.run(plan, image, owned=inplace)

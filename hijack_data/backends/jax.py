@@ -13,7 +13,6 @@ from jax.core import Tracer
 from ..errors import ImageError, ImageTypeError, ParameterError
 from ..kernels import Stamp, jax_ops
 from ..plan import Plan
-from ..prepared_plans import PreparedPlans
 from ..types import Size, UInt8Array
 from . import numpy as host_backend
 from .base import Backend
@@ -76,13 +75,7 @@ class JaxBackend(Backend):
         return jax_ops.resample(image, size)
 
     def apply_many(
-        self,
-        plans: list[Plan],
-        images: Any,
-        lead: tuple[int, ...],
-        *,
-        inplace: bool = False,
-        prepared: PreparedPlans | None = None,
+        self, plans: list[Plan], images: Any, lead: tuple[int, ...], *, inplace: bool = False
     ) -> Any:
         """See `Backend.apply_many`; the NumPy backend runs plans for arrays on the CPU."""
         memory = _on_host(images)

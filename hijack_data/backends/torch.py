@@ -88,19 +88,36 @@ class TorchBackend(Backend):
         return torch_ops.tensor(resized).permute(2, 0, 1)
 
     def apply_many(
+        self, plans: list[Plan], images: Tensor, lead: tuple[int, ...], *, inplace: bool = False
+    ) -> Any:
+        """See `Backend.apply_many`; pictures that are not on the CPU are processed together."""
+        if not together(images):
+            return super().apply_many(plans, images, lead, inplace=inplace)
+        return self._apply_together(plans, images, lead, inplace=inplace)
+
+    def apply_prepared(
+        self,
+        prepared: PreparedPlans,
+        images: Tensor,
+        lead: tuple[int, ...],
+        *,
+        inplace: bool = False,
+    ) -> Any:
+        """See `Backend.apply_prepared`; the kernels on a GPU paste what was prepared."""
+        if not (together(images) and device.runs_on(images.device)):
+            return super().apply_prepared(prepared, images, lead, inplace=inplace)
+        plans = list(prepared.plans)
+        return self._apply_together(plans, images, lead, inplace=inplace, prepared=prepared)
+
+    def _apply_together(
         self,
         plans: list[Plan],
         images: Tensor,
         lead: tuple[int, ...],
         *,
-        inplace: bool = False,
+        inplace: bool,
         prepared: PreparedPlans | None = None,
     ) -> Any:
-        """See `Backend.apply_many`; pictures that are not on the CPU are processed together."""
-        if not together(images):
-            return super().apply_many(plans, images, lead, inplace=inplace)
-        if not device.runs_on(images.device):
-            prepared = None
         same_size = keeps_size(plans)
         out = self.copy(images) if same_size and not inplace else images
         views = (
@@ -158,8 +175,8 @@ class TorchBackend(Backend):
                 painted.append(number)
                 if prepared is None:
                     size = self.size(run.image)
-                    drawn = (plan_stamps(run.plan, index, size) for index in pending)
-                    stamps.append([stamp for part in drawn for stamp in part])
+                    parts = (plan_stamps(run.plan, index, size) for index in pending)
+                    stamps.append([stamp for part in parts for stamp in part])
         images = [runs[number].image for number in painted]
         if painted and prepared is not None:
             rows = [prepared.rows[number] for number in painted]

@@ -6,6 +6,7 @@ import os
 import pickle
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ import hijack_data as hj
 from hijack_data.conformance import picture, reference, scene
 from hijack_data.drawing import raster
 from hijack_data.drawing.raster import png_recipe
-from hijack_data.plan import Paste, Plan
+from hijack_data.plan import Paste, Plan, Resample
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("triton", reason="needs Triton, which comes with torch on Linux")
@@ -141,6 +142,21 @@ def test_prepared_plans_are_drawn_in_another_process(monkeypatch):
     monkeypatch.setattr(raster, "_draw", lambda _recipe: pytest.fail("drawn again"))
     for after, right in zip(hj.apply(same_size, batch[:4]), expected, strict=False):
         assert np.array_equal(array(after), right)
+
+
+def test_prepared_plans_are_drawn_again_without_a_gpu_and_nothing_is_written_before():
+    good = SPECS["subtitle"].plan(scene(SIZE), seed=5, sample=0)
+    (op,) = good.ops
+    bad = Plan("subtitle-v1", SIZE, {}, (Paste(op.sprite, op.at, "0" * 16),))
+    prepared = hj.prepare([good, good])
+    batch = np.stack([picture(SIZE)] * 2)
+    assert np.array_equal(hj.apply(prepared, batch), hj.apply([good, good], batch))
+    with pytest.raises(hj.HijackError, match="draws differently here"):
+        hj.apply(replace(prepared, plans=(good, bad)), batch, inplace=True)
+    assert np.array_equal(batch, np.stack([picture(SIZE)] * 2))
+    after_resize = Plan("both-v1", SIZE, {}, (Resample(SIZE), *bad.ops))
+    with pytest.raises(hj.HijackError, match="draws differently here"):
+        hj.prepare([after_resize])
 
 
 def test_in_place_is_refused_where_the_size_changes():

@@ -196,7 +196,7 @@ def _table(n_in: int, n_out: int, device: torch.device, in_stream: int) -> tuple
 
 def _send(arrays: Sequence[Array], device: torch.device) -> list[Tensor]:
     """Send arrays to the device in one copy from pinned memory, without waiting."""
-    memory = pack(arrays, sum(map(room, arrays)), pin=device.type == "cuda")
+    memory = pack(arrays, pin=device.type == "cuda")
     on_device = memory.to(device, non_blocking=True)
     tensors: list[Tensor] = []
     start = 0
@@ -212,9 +212,10 @@ def room(array: Array) -> int:
     return -(-array.nbytes // ALIGNMENT_BYTES) * ALIGNMENT_BYTES
 
 
-def pack(arrays: Sequence[Array], total: int, *, pin: bool = False) -> Tensor:
-    """Return arrays one after the other in memory of their rooms, whose sum is `total`."""
-    memory = torch.empty(max(total, ALIGNMENT_BYTES), dtype=torch.uint8, pin_memory=pin)
+def pack(arrays: Sequence[Array], *, pin: bool = False) -> Tensor:
+    """Return memory in which arrays lie one after the other, each in its room."""
+    total = max(sum(map(room, arrays)), ALIGNMENT_BYTES)
+    memory = torch.empty(total, dtype=torch.uint8, pin_memory=pin)
     host = memory.numpy()
     start = 0
     for array in arrays:
