@@ -112,13 +112,16 @@ class Planner(ABC):
         raise ParameterTypeError(f"a configuration holds {kinds}, got {type(self).__name__}")
 
 
+def tree(planner: Planner) -> Iterator[Planner]:
+    """Yield a planner, its parts, their parts, and so on."""
+    yield planner
+    for part in planner.parts:
+        yield from tree(part)
+
+
 def leaves(planner: Planner) -> Iterator[Planner]:
     """Yield the leaves of a tree of planners: those without parts, maybe `planner` itself."""
-    parts = planner.parts
-    if not parts:
-        yield planner
-    for part in parts:
-        yield from leaves(part)
+    return (part for part in tree(planner) if not part.parts)
 
 
 def as_planner(value: object, expected: str) -> Planner:

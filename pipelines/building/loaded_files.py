@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from hijack_data.loading import VARIABLE, LoadedFile, find_loaded_file, holds, loaded_files
-from hijack_data.planner import Planner, leaves
+from hijack_data.planner import Planner, tree
 
 from ..errors import DatasetError
 
@@ -20,7 +20,7 @@ def loaded_file_entries(planners: Iterable[Planner]) -> list[dict[str, Any]]:
     """Return the loaded files that define planners, sorted, as JSON data for the manifest."""
     files: dict[str, LoadedFile] = {}
     for planner in planners:
-        for part in (planner, *leaves(planner)):
+        for part in tree(planner):
             file = find_loaded_file(type(part))
             if file is not None:
                 files[file.sha256] = file

@@ -9,7 +9,7 @@ builds use that epoch.
 import hashlib
 import inspect
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -18,7 +18,7 @@ from hijack_data.compose import Schedule
 from hijack_data.corruption import Corruption
 from hijack_data.entries import is_ours
 from hijack_data.loading import find_loaded_file
-from hijack_data.planner import Planner
+from hijack_data.planner import Planner, tree
 
 from ..errors import OVERWRITE, BuildError
 from .selection import config_text
@@ -35,7 +35,7 @@ def planner_digests(planners: Mapping[str, Planner]) -> dict[str, str | None]:
     return {
         label: _digest(planner)
         for label, planner in planners.items()
-        if has_no_config or any(map(_is_of_user, _classes(planner)))
+        if has_no_config or any(_is_of_user(type(part)) for part in tree(planner))
     }
 
 
@@ -96,9 +96,3 @@ def _source(cls: type) -> str:
 
 def _is_of_user(cls: type) -> bool:
     return not is_ours(cls) and find_loaded_file(cls) is None
-
-
-def _classes(planner: Planner) -> Iterable[type]:
-    yield type(planner)
-    for part in planner.parts:
-        yield from _classes(part)
