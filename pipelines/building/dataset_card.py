@@ -3,7 +3,6 @@
 import json
 import shlex
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import yaml
@@ -13,6 +12,7 @@ from hijack_data.errors import quantity
 
 from ..dataset.columns import VISIBLE, Kind, stored_columns
 from ..dataset.manifest import is_lazy
+from ..dataset.opening import shard_split
 from ..fidelity import FIDELITY_MEANINGS
 from ..knowledge import RECORDINGS
 from ..readers import get_reader
@@ -126,7 +126,7 @@ def _split_sizes(manifest: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the rows and the bytes of each split that has files."""
     sizes: dict[str, dict[str, Any]] = {}
     for shard in manifest["shards"]:
-        name = Path(shard["file"]).name.partition("-")[0]
+        name = shard_split(shard)
         size = sizes.setdefault(name, {"name": name, "num_bytes": 0, "num_examples": 0})
         size["num_bytes"] += shard["bytes"]
         size["num_examples"] += shard["rows"]
@@ -179,7 +179,7 @@ def _splits(manifest: Mapping[str, Any]) -> list[str]:
         return lines
     counts_by_split: dict[str, list[int]] = {name: [0, 0, 0] for name in parameters["splits"]}
     for shard in manifest["shards"]:
-        split = Path(shard["file"]).name.partition("-")[0]
+        split = shard_split(shard)
         totals = (shard["trajectories"], shard["steps"], shard["rows"])
         counts_by_split[split] = [
             a + b for a, b in zip(counts_by_split[split], totals, strict=True)

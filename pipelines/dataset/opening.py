@@ -106,7 +106,7 @@ def _splits(manifest: Mapping[str, Any]) -> list[str]:
 
 def shard_split(shard: Mapping[str, Any]) -> str:
     """Return the split of a shard, given its entry in the manifest."""
-    return Path(shard["file"]).name.rpartition("-")[0]
+    return Path(shard["file"]).name.partition("-")[0]
 
 
 def shard_rows(file: Path, columns: list[str] | None = None) -> Iterator[dict[str, Any]]:
