@@ -54,9 +54,9 @@ def column_means(cells: Sequence[CellEpisodes]) -> dict[str, Any]:
         values["steps"] = float(steps.mean())
     costs = np.concatenate([_cell_amounts(cell, "cost") for cell in cells])
     scored = np.concatenate([cell.columns.score[cell.positions] for cell in cells])
-    taken = np.concatenate([_cell_amounts(cell, "steps") for cell in cells])
+    actions = np.concatenate([_cell_amounts(cell, "steps") for cell in cells])
     has_cost = ~np.isnan(costs)
-    has_acted = ~np.isnan(scored) | (taken > 0)
+    has_acted = ~np.isnan(scored) | (actions > 0)
     if has_cost.any() and has_cost[has_acted].all():
         values["usd"] = float(costs[has_cost].sum())
     return values

@@ -42,11 +42,11 @@ class Budget:
         self._spent += total_cost([record])
         models = self._models.get(str(record.get("agent")), "")
         usage = record.get("usage")
-        counted: Mapping[str, Any] = usage if isinstance(usage, Mapping) else {}
-        has_asked = counted.get("requests") or (
-            models and (USAGE_PROBLEM in counted or lacks_counts(record))
+        usage_fields: Mapping[str, Any] = usage if isinstance(usage, Mapping) else {}
+        has_asked = usage_fields.get("requests") or (
+            models and (USAGE_PROBLEM in usage_fields or lacks_counts(record))
         )
-        if has_asked and not is_amount(counted.get("usd")):
+        if has_asked and not is_amount(usage_fields.get("usd")):
             self._unknown = f"{record.get('id')} cost{f' ({models})' if models else ''}"
 
     def check(self) -> None:

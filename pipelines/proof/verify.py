@@ -159,9 +159,13 @@ class _Check:
         self.planners = None if settings is None else dict(settings.planners)
         self.seed, self.label_policy = int(parameters["seed"]), str(parameters["label_policy"])
         # What can be made again from clean rows alone: of one step, and of all of a trajectory.
-        known = settings or RowSettings((), self.seed, bool(parameters["clean"]), self.label_policy)
-        self.step_settings = provable_settings(known, with_inputs=False)
-        self.trajectory_settings = provable_settings(known, with_inputs=known.clean)
+        build_settings = settings or RowSettings(
+            (), self.seed, bool(parameters["clean"]), self.label_policy
+        )
+        self.step_settings = provable_settings(build_settings, with_inputs=False)
+        self.trajectory_settings = provable_settings(
+            build_settings, with_inputs=build_settings.clean
+        )
         self.trajectories: dict[str, tuple[RecordedStep, ...]] = {}
         self.rejected = frozenset(
             entry["where"] for record in self.records for entry in record.rejected

@@ -92,16 +92,16 @@ class ChatTurns:
         self._begin(messages)
         idle: int | None = None  # the reply to the present picture, if it is no action
         for index, message in enumerate(messages):
-            shown = self.shown
+            shown_before = self.shown
             try:
                 self._take(message, is_last=index == len(messages) - 1)
             except FieldError as error:
                 inner = f".{error.field}" if error.field else ""
                 yield FieldError(f"{key}[{index}]{inner}", error.reason)
-            if idle is not None and self.shown > shown:
+            if idle is not None and self.shown > shown_before:
                 reason = "is no action that is known, so the picture before it gives no step"
                 yield FieldError(f"{key}[{idle}]", reason)
-            if self.shown > shown or self.screen is None:
+            if self.shown > shown_before or self.screen is None:
                 idle = None
             elif _replies(message):
                 idle = index
@@ -179,12 +179,12 @@ class ChatTurns:
             self.numbered = True
             index = _picture_index(part["index"])
         field, name = _part_picture(part)
-        held = self.pictures[index] if index < len(self.pictures) else None
-        if name is not None and name != held:
+        row_picture = self.pictures[index] if index < len(self.pictures) else None
+        if name is not None and name != row_picture:
             raise FieldError(
                 f"content.{field}",
-                f"names {short_repr(name)}, but picture {index} of the row is {short_repr(held)};"
-                " only the row's pictures are read",
+                f"names {short_repr(name)}, but picture {index} of the row is"
+                f" {short_repr(row_picture)}; only the row's pictures are read",
             )
         self._show(index)
 

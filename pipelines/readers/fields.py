@@ -268,12 +268,13 @@ def check_stated_size(record: JsonObject, size: Size) -> None:
     Raises:
         FieldError: it states others, as a browser's viewport has whose pictures have more pixels.
     """
-    stated = record.get("height"), record.get("width")
-    if all(isinstance(side, int | float) for side in stated) and stated != size:
+    stated_size = record.get("height"), record.get("width")
+    if all(isinstance(side, int | float) for side in stated_size) and stated_size != size:
         raise FieldError(
             "width",
-            f"and height state {stated[1]:g}x{stated[0]:g}, but the picture is {size_text(size)},"
-            " so it is unknown what the coordinates count; correct them, or leave the two out",
+            f"and height state {stated_size[1]:g}x{stated_size[0]:g}, but the picture is"
+            f" {size_text(size)}, so it is unknown what the coordinates count; correct them, or"
+            " leave the two out",
         )
 
 

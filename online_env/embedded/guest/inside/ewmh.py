@@ -62,9 +62,12 @@ class Screen:
         geometry = self.root.get_geometry()
         return geometry.width, geometry.height
 
+    def _property(self, window: Any, name: str) -> Any:
+        return window.get_full_property(self.atom(name), X.AnyPropertyType, _PROPERTY_WORDS)
+
     def numbers(self, window: Any, name: str) -> list[int]:
         """Return a property that is a list of numbers; empty if the window does not have it."""
-        prop = window.get_full_property(self.atom(name), X.AnyPropertyType, _PROPERTY_WORDS)
+        prop = self._property(window, name)
         if not prop or prop.format != 32:
             return []
         return [int(value) for value in prop.value]
@@ -76,7 +79,7 @@ class Screen:
 
     def text(self, window: Any, name: str) -> str:
         """Return a property that is a text; empty if the window does not have it."""
-        prop = window.get_full_property(self.atom(name), X.AnyPropertyType, _PROPERTY_WORDS)
+        prop = self._property(window, name)
         value = prop.value if prop else b""
         if isinstance(value, bytes):
             return value.decode("utf-8", "replace")
