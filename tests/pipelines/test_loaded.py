@@ -13,6 +13,7 @@ import hijack_data as hj
 from hijack_data import corruption as registry
 from hijack_data import loading
 from pipelines import build, verify
+from pipelines.building.loaded_files import loaded_file_entries
 from pipelines.errors import BuildError, DatasetError
 
 from support.plugins import write
@@ -207,3 +208,11 @@ def test_a_cluster_that_is_there_knows_it(recording: Any, tmp_path: Path, fresh:
     build(source, tmp_path / "local", corruptions="bar", rows_per_shard=1)
     assert len(shards(tmp_path / "local")) == 3
     assert shards(tmp_path / "ray") == shards(tmp_path / "local")
+
+
+def test_a_composite_of_a_file_inside_another_is_recorded(tmp_path: Path, fresh: Any) -> None:
+    composite = "class Both(hj.Sequence):\n    pass"
+    both = loading.load_reference(f"{write(tmp_path, 'mine', top=composite)}:Both")
+    planner = hj.OneOf([both([hj.Marks(), hj.Subtitle()]), hj.PopUps()])
+    [entry] = loaded_file_entries([planner])
+    assert entry["file"] == "mine.py"
