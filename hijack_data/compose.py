@@ -1,12 +1,12 @@
 """Several corruptions as one: `OneOf`, `Sequence`, `Schedule`, over single screens and batches."""
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Mapping, Set
 from collections.abc import Sequence as SequenceOf
+from itertools import accumulate
 from numbers import Real
 from typing import Any, cast
-
-import numpy as np
 
 from .batches import Corrupted, corrupt_batch, moved_target
 from .errors import ParameterError, ParameterTypeError
@@ -108,7 +108,7 @@ class OneOf(Augmentation):
         self.p_clean = probability(p_clean, "OneOf: p_clean")
         count = len(self.options)
         self.weights = (1.0,) * count if weights is None else _weights(weights, count)
-        self._edges = np.cumsum(self.weights)
+        self._edges = list(accumulate(self.weights))
 
     def __repr__(self) -> str:
         options = ", ".join(map(repr, self.options))
@@ -160,8 +160,8 @@ class OneOf(Augmentation):
         stream = Stream(seed, "one_of-v2", sample, step, epoch)
         if stream.random() < self.p_clean:
             return None
-        at = stream.random() * float(self._edges[-1])
-        position = int(np.searchsorted(self._edges, at, side="right"))
+        at = stream.random() * self._edges[-1]
+        position = bisect_right(self._edges, at)
         number = min(position, len(self.options) - 1)
         return self.options[number], branch(sample, number)
 

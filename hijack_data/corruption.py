@@ -26,6 +26,7 @@ from .errors import (
     short_repr,
     suggest,
 )
+from .frozen import freeze
 from .plan import Effect, Op, Plan
 from .planner import Planner
 from .registry import Registry
@@ -82,6 +83,10 @@ class Corruption(Planner):
         for key, (parameter, _) in p.parameters(self).items():
             value = parameter.check(f"{self.name}.{key}", getattr(self, key))
             object.__setattr__(self, key, value)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the fields alone, so that planning does not change the pickle."""
+        return {key: value for key, value in vars(self).items() if key != "_plan_params"}
 
     @property
     def label(self) -> str:
@@ -163,13 +168,19 @@ class Corruption(Planner):
         stream = Stream(seed, self.id, sample, step, epoch)
         if not self.is_due(step):
             note = f"{self.name} does not act at step {step}"
-            return Plan(self.id, scene.size, self.params(), notes=(*scene.notes, note))
+            return Plan(self.id, scene.size, self._plan_params, notes=(*scene.notes, note))
         try:
             draft = self.make_plan(scene, stream, step)
             self._check_inputs(draft.inputs)
             notes = scene.notes + draft.notes
             return Plan(
-                self.id, scene.size, self.params(), draft.ops, draft.effects, notes, draft.inputs
+                self.id,
+                scene.size,
+                self._plan_params,
+                draft.ops,
+                draft.effects,
+                notes,
+                draft.inputs,
             )
         except HijackError:
             raise
@@ -211,6 +222,11 @@ class Corruption(Planner):
     def params(self) -> dict[str, Any]:
         """Return the parameters as JSON data."""
         return {key: p.to_json(getattr(self, key)) for key in p.parameters(self)}
+
+    @functools.cached_property
+    def _plan_params(self) -> Mapping[str, Any]:
+        """The parameters as all plans of this corruption share them."""
+        return freeze(self.params(), "plan: params")
 
     def to_config(self) -> dict[str, dict[str, Any]]:
         """Return its entry in a configuration: the name with all parameters."""

@@ -47,6 +47,8 @@ def largest_free_rectangle(size: Size, boxes: BoxArray) -> Box:
         `(x1, y1, x2, y2)`, inside the screen, or `(0, 0, 0, 0)` when the boxes cover all of it.
     """
     height, width = size
+    if not len(boxes):
+        return (0, 0, width, height)
     rows = _rows(size, boxes)
     best = 0
     largest = _EMPTY

@@ -14,17 +14,21 @@ change `Generator.choice` between versions but not the words of the bit generato
 global state.
 """
 
+import functools
 import hashlib
 from collections.abc import Sequence
 from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
+from numpy.random.bit_generator import ISeedSequence
 
 from .errors import ParameterError, ParameterTypeError
 
 T = TypeVar("T")
 _MASK = 2**64 - 1
+_NO_KEY = np.zeros(2, np.uint64)
+_NO_WORDS = np.zeros(4, np.uint64)
 
 
 class Branch(str):
@@ -92,6 +96,11 @@ def _sample_words(sample: object) -> tuple[int, int]:
     return _words("/".join(sample.path) + "\n" + sample.sample, person=b"branch")
 
 
+@functools.lru_cache(maxsize=256)
+def _name_word(name: str) -> int:
+    return _words(name)[0]
+
+
 def _words(text: str, person: bytes = b"") -> tuple[int, int]:
     data = text.encode("utf-8", "surrogatepass")
     digest = hashlib.blake2b(data, digest_size=16, person=person).digest()
@@ -120,6 +129,30 @@ def _integer(value: object, name: str, low: int, high: int) -> int:
     return number
 
 
+class _NoSeed(ISeedSequence):
+    """A seed for a generator whose state is set next: NumPy would ask the system for entropy."""
+
+    def generate_state(self, n_words: int, dtype: object = None) -> npt.NDArray[np.uint64]:
+        return _NO_KEY
+
+
+_NO_SEED = _NoSeed()
+
+
+def _philox(key: npt.NDArray[np.uint64], counter: npt.NDArray[np.uint64]) -> np.random.Philox:
+    """Return `Philox(key=key, counter=counter)`, in two thirds of its time."""
+    bits = np.random.Philox(cast(Any, _NO_SEED))
+    bits.state = {
+        "bit_generator": "Philox",
+        "state": {"counter": counter, "key": key},
+        "buffer": _NO_WORDS,
+        "buffer_pos": len(_NO_WORDS),  # nothing is drawn yet
+        "has_uint32": 0,
+        "uinteger": 0,
+    }
+    return bits
+
+
 class Stream:
     """A stream of random draws.
 
@@ -143,9 +176,9 @@ class Stream:
         step = _integer(step, "step", -(2**31), 2**31 - 1)
         epoch = _integer(epoch, "epoch", 0, 2**32 - 1)
         epoch_and_step = (epoch << 32) | (step & 0xFFFFFFFF)
-        key = np.array([seed, _words(name)[0]], np.uint64)
+        key = np.array([seed, _name_word(name)], np.uint64)
         counter = np.array([0, epoch_and_step, *_sample_words(sample)], np.uint64)
-        self._bits = np.random.Philox(key=key, counter=counter)
+        self._bits = _philox(key, counter)
         self._drawn: list[int] = []  # words that `integers` drew and did not use, in reverse order
 
     def word(self) -> int:

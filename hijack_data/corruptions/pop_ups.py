@@ -4,7 +4,7 @@ The paper's Algorithm "Pop Ups".
 """
 
 import string
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -224,14 +224,20 @@ class PopUps(Corruption):
         height = box[3] - box[1] - 2 * self.edge_thickness
         best: tuple[int, list[str]] = (SMALLEST_FONT, [])
         if text and width > 0:
-            wrapped = wrap(text, load_font(FONT, 2 * SMALLEST_FONT), width)
-            for lines in (text.split("\n"), wrapped, [" ".join(text.split("\n"))]):
+            for lines in _line_breaks(text, width):
                 size = largest_fitting(lines, FONT, width, height, LARGEST_FONT, SMALLEST_FONT)
                 if size is not None and (not best[1] or size > best[0]):
                     best = size, lines
                 if best[0] == LARGEST_FONT:
                     break
         return {"box": box, "fill": fill, "lines": best[1], "font_size": best[0]}
+
+
+def _line_breaks(text: str, width: int) -> Iterator[list[str]]:
+    """Yield the lines of a text as they are, wrapped at a width in pixels, and as one line."""
+    yield text.split("\n")
+    yield wrap(text, load_font(FONT, 2 * SMALLEST_FONT), width)
+    yield [" ".join(text.split("\n"))]
 
 
 def _boxes_to_avoid(scene: Scene) -> BoxArray:
