@@ -30,6 +30,7 @@ ABOUT = (
     " submit FAIL."
 )
 _KEY = f"{PACKAGE}:sample"
+_TASK = "task"  # in the metadata of a sample; samples of one task are no independent cases
 _Names = str | list[str] | None
 
 
@@ -167,7 +168,7 @@ def _samples(benchmark: Bench) -> Iterator[Sample]:
                 yield Sample(
                     id=f"{name}-{label}-s{seed}",
                     input=get(name, seed).instruction,
-                    metadata={"task": name, CORRUPTION: label, "seed": seed},
+                    metadata={_TASK: name, CORRUPTION: label, "seed": seed},
                 )
 
 
@@ -187,7 +188,7 @@ def desktop(benchmark: Bench, sessions: Sessions) -> Any:
         store().set(_KEY, state.uuid)
 
         def begin() -> None:
-            session.begin(metadata["task"], metadata[CORRUPTION], metadata["seed"])
+            session.begin(metadata[_TASK], metadata[CORRUPTION], metadata["seed"])
 
         await sessions.open(state.uuid, session, begin)
         if session.record is not None:
@@ -218,7 +219,7 @@ def _player(sessions: Sessions, keep: int) -> Any:
     )
 
 
-@scorer(metrics=[grouped(mean(), CORRUPTION, all_label="all"), stderr()])
+@scorer(metrics=[grouped(mean(), CORRUPTION, all_label="all"), stderr(cluster=_TASK)])
 def task_score(sessions: Sessions) -> Any:
     """Score an episode as the benchmark does."""
 
