@@ -20,11 +20,13 @@ from .further_tests import MARGIN, equivalence_tests, measure_changes, severity_
 from .identity import run_identity
 from .model import ReportError, RunReport, from_data
 from .notes import (
+    commit_note,
     design_notes,
     early_end_note,
     fraction_note,
     guard_note,
     recovery_note,
+    repeat_note,
     report_notes,
 )
 from .summaries import summarise_agents
@@ -140,6 +142,8 @@ def build_report(
     notes = (
         *early_end_note(run),
         *unplayable_note(run),
+        *commit_note(run),
+        *repeat_note(run),
         *recovery_note(run),
         *guard_note(run),
         *fraction_note(run),

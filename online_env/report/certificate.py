@@ -464,7 +464,8 @@ def _disturbances(run: Run, shares: Mapping[str, float]) -> Iterator[Disturbance
     entries = {label: (name, values) for label, name, values in corruption_entries(run.config)}
     for label, weight in shares.items():
         name, values = entries.get(label, (label, {}))
-        is_known = run.config.get("kind") != RESULTS  # another harness may have a name of ours
+        # Another harness may have a name of ours, and a log an unknown planner.
+        is_known = run.config.get("kind") != RESULTS and label in entries
         try:
             find_corruption(name)
         except HijackError:

@@ -8,9 +8,10 @@ from typing import Any
 from hijack_data.errors import quantity, shorten_list
 from hijack_data.plan import CLEAN
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
-from hijack_data.runs.run_log import UNTIL_RETENTION
+from hijack_data.runs.run_log import RUN, UNTIL_RETENTION
 
-from ..results import scores
+from ..results import origin, scores
+from ..results.episode_columns import EpisodeColumns
 from ..results.outcomes import RESULTS
 from ..results.reading import Run
 from .formatting import SIGNIFICANT_P
@@ -69,6 +70,37 @@ def guard_note(run: Run) -> Iterator[str]:
             f"Guard {guard} {' and '.join(settings)}: in {quantity(len(agent_records), 'episode')}"
             f" of {agent} it acted {acts.total()} times{listed} and reminded {reminders} times;"
             f" {false_alarms} of these were in clean episodes (false alarms)."
+        )
+
+
+def repeat_note(run: Run) -> Iterator[str]:
+    """Yield how many episodes with a score do not count, since their case was played again."""
+    if isinstance(run.records, EpisodeColumns):
+        return
+    counted = {id(record) for record in run.last_attempts}
+    replaced = Counter(
+        f"{record['agent']} under {record['corruption']}"
+        for record in run.records
+        if record["status"] == "ok" and id(record) not in counted
+    )
+    if replaced:
+        listed = ", ".join(f"{name} {count}" for name, count in replaced.items())
+        yield (
+            f"{quantity(replaced.total(), 'episode')} with a score left out: the same case (agent,"
+            f" condition, task and seed) was played again, and the last attempt counts ({listed})."
+        )
+
+
+def commit_note(run: Run) -> Iterator[str]:
+    """Yield which commits of this library a run was played with, if it was resumed with another."""
+    if run.config.get("kind") == RESULTS or not (run.folder / RUN).exists():
+        return
+    commits = origin.library_commits(run.folder)
+    if len(commits) > 1:
+        changes = (f"{commit} after {start}" for start, commit in commits[1:])
+        yield (
+            f"Several commits of agenthijack played the episodes: {commits[0][1]},"
+            f" {', '.join(changes)}; tasks, corruptions and agents may have changed."
         )
 
 
