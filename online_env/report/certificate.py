@@ -24,7 +24,8 @@ from hijack_data.errors import (
 )
 from hijack_data.file_io import read_versioned_json
 from hijack_data.plan import CLEAN
-from hijack_data.runs.run_log import RECORDS, file_digest, sha256_hex
+from hijack_data.runs.privileged_inputs import collect_privileged_inputs, describe_privileged_inputs
+from hijack_data.runs.run_log import GIVEN_KINDS, RECORDS, file_digest, sha256_hex
 
 from ..choices import CONFIDENCE
 from ..extra import require
@@ -203,9 +204,10 @@ def certify(
     identity = run_identity(run)
     return Certificate(
         statement=(
-            f"{name} keeps at least {100 * least:.2f} % of its clean success, with"
-            f" {100 * confidence:g} % confidence, over {shorten_list(list(shares), len(shares))}"
-            f" ({len(tasks.tasks)} tasks)" + (f": {declared}" if declared else "")
+            f"{name}{_helpers(run, name)} keeps at least {100 * least:.2f} % of its clean success,"
+            f" with {100 * confidence:g} % confidence, over"
+            f" {shorten_list(list(shares), len(shares))} ({len(tasks.tasks)} tasks"
+            f"{_tasks_left_out(run)})" + (f": {declared}" if declared else "")
         ),
         agent=name,
         retention_at_least=least,
@@ -388,6 +390,27 @@ def _choose_agent(run: Run, agent: str) -> str:
             f"{run.folder}: has several agents; say which: --agent {' or '.join(agents)}"
         )
     return agent or agents[0]
+
+
+def _helpers(run: Run, agent: str) -> str:
+    """Return what an agent had that others do not, as words after its name; "" for nothing.
+
+    An agent with a guard, or with the plan of its task, keeps more than it does alone.
+    """
+    input_sets = collect_privileged_inputs(r for r in run.records if r["agent"] == agent)
+    kinds = [kind for kind in GIVEN_KINDS if any(kind in inputs for inputs in input_sets)]
+    words = [f"given {describe_privileged_inputs(kinds)}"] if kinds else []
+    if run.config.get("guard"):
+        words.append(f"watched by the guard {run.config['guard']}")
+    return f" ({', '.join(words)})" if words else ""
+
+
+def _tasks_left_out(run: Run) -> str:
+    """Return how many tasks could not be played and count for nothing, as words."""
+    tasks = run.config.get("unplayable")
+    if not tasks or run.config.get("unplayable_score") is not None:
+        return ""
+    return f", without {len(tasks)} that could not be played"
 
 
 def _labels(run: Run) -> list[str]:

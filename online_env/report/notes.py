@@ -91,11 +91,19 @@ def repeat_note(run: Run) -> Iterator[str]:
         )
 
 
-def commit_note(run: Run) -> Iterator[str]:
-    """Yield which commits of this library a run was played with, if it was resumed with another."""
+def played_commits(run: Run) -> list[tuple[int, str]]:
+    """Return which commits of this library played a run, each with the number of episodes before.
+
+    None of a log without a head and of results of other harnesses.
+    """
     if run.config.get("kind") == RESULTS or not (run.folder / RUN).exists():
-        return
-    commits = origin.library_commits(run.folder)
+        return []
+    return origin.library_commits(run.folder)
+
+
+def commit_note(run: Run) -> Iterator[str]:
+    """Yield which commits of this library played a run, if it was resumed with another one."""
+    commits = played_commits(run)
     if len(commits) > 1:
         changes = (f"{commit} after {start}" for start, commit in commits[1:])
         yield (

@@ -149,6 +149,20 @@ def command(*words):
     return ended.value.code
 
 
+def test_the_statement_says_what_helped_the_agent_and_what_was_left_out(tmp_path):
+    """A guarded agent was certified under the name that it has without a guard."""
+    items = two_conditions([1.0] * 14, [1.0] * 14)
+    alone = certificate_of(tmp_path / "alone", items).statement
+    assert alone.startswith("a keeps at least 80.73 % ")
+    assert alone.endswith("over marks (14 tasks)")
+    for record in items:
+        record["given"] = ["plan"]
+    run = read_run(tmp_path / "run", items, guard="rules", unplayable={"t": {}, "u": {}})
+    statement = certify(run).statement
+    assert statement.startswith("a (given the task's plan in words, watched by the guard rules) ke")
+    assert statement.endswith("over marks (14 tasks, without 2 that could not be played)")
+
+
 def test_results_of_others_are_certified_once_their_conditions_are_declared(tmp_path, capsys):
     lines = ["task,condition,score,seed"]
     lines += [

@@ -5,6 +5,7 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -202,6 +203,25 @@ def test_what_is_published_of_a_run_says_what_is_missing(tmp_path):
     )
     card = yaml.safe_load(formats.write(cut, "model-index"))["model-index"][0]
     assert card["results"][0]["dataset"]["args"]["missing_episodes"] == 3
+
+
+def test_what_is_published_of_a_run_says_what_watched_its_agents_and_what_is_invalid(tmp_path):
+    """Both were in notes alone, which neither a table of LaTeX nor a model card has."""
+    invalid = made("mine", "t10", "marks") | {"status": "invalid", "score": None}
+    run = read_run(tmp_path / "run", [*whole("mine", dict.fromkeys(CONDITIONS, 5)), invalid])
+    plain = ReportDocument(report=build_report(run))
+    guarded = ReportDocument(
+        report=build_report(replace(run, config={**run.config, "guard": "rules"}))
+    )
+    assert guarded.report.run.guard == "rules"
+    table = formats.write(guarded, "latex")
+    assert "Every agent is watched by the guard rules. Without 1 invalid episode.}" in table
+    card = yaml.safe_load(formats.write(guarded, "model-index"))["model-index"][0]
+    arguments = card["results"][0]["dataset"]["args"]
+    assert (arguments["guard"], arguments["invalid_episodes"]) == ("rules", 1)
+    for format in ("latex", "model-index", "html"):
+        assert "guard" not in formats.write(plain, format), format
+    assert "<dt>guard</dt>" in formats.write(guarded, "html")
 
 
 def test_names_are_no_formulas_and_no_commands(tmp_path):
