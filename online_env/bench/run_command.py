@@ -117,7 +117,7 @@ def run_command(
     check_agents(benchmark)
     check_guard(benchmark.guard, benchmark.agents)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
-    prepare(benchmark, models, None if dry_run else out)
+    prepare(benchmark, models, None)
     planned_jobs = jobs(benchmark)
     if detect is not None:
         if not dry_run:
@@ -207,6 +207,7 @@ def play_run(
         HijackError: The run is refused.
         Abort: It was interrupted by Ctrl-C.
     """
+    prepare(benchmark, models, out)
     planned_jobs = jobs(benchmark)
     _check_here(benchmark, engine, len(planned_jobs))
     setup = _setup(benchmark, out, models)

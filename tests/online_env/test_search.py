@@ -23,6 +23,7 @@ from online_env.bench.config import Bench, load_bench, override
 from online_env.bench.plan_set import Loss, PlanSet, PlanSetError, WorstPlan, read_plan_set
 from online_env.bench.providers import PROVIDERS
 from online_env.environment import Settle
+from online_env.errors import AgentSetupError
 from online_env.results import reading
 from online_env.scoring.dataset_rows import DatasetRows
 from online_env.scoring.planned_rows import PlannedRows
@@ -33,6 +34,7 @@ from online_env.search.space import SearchSpace
 from online_env.tasks import TASKS
 from pipelines import build, open_dataset
 
+from support.chatting import file
 from support.scoring import dataset as make_dataset
 from support.scoring import write_agents
 
@@ -214,6 +216,15 @@ def test_a_live_search_confirms_on_later_seeds(tmp_path: Path, monkeypatch: Any)
     assert {record["seed"] for record in rounds["round-001"]} == {0, 3}
     assert {record["seed"] for record in rounds["confirmation"]} == {4, 5}
     assert [record["score"] for record in rounds["confirmation"]].count(1.0) == 2, "clean again"
+
+
+def test_a_live_search_refuses_a_model_that_cannot_be_asked(tmp_path: Path) -> None:
+    """On one desktop each episode failed, clean and corrupted, and requests were not logged."""
+    model = file(tmp_path, "http://127.0.0.1:9", api_key_env="NO_SUCH_KEY")
+    bench = override(Bench(tasks=("write_note",)), agent=str(model))
+    player = players.LivePlayer(bench, tmp_path / "out", desktops=1)
+    with pytest.raises(AgentSetupError, match="NO_SUCH_KEY"):
+        player.losses("round-001", {"lost": hj.Marks()}, held_out=False)
 
 
 def test_planned_rows_are_those_of_a_build(dataset: Path, tmp_path: Path) -> None:
