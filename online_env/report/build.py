@@ -28,6 +28,7 @@ from .notes import (
     recovery_note,
     repeat_note,
     report_notes,
+    unscored_note,
 )
 from .summaries import summarise_agents
 from .unplayable import counted_records, unplayable_note
@@ -142,6 +143,7 @@ def build_report(
     notes = (
         *early_end_note(run),
         *unplayable_note(run),
+        *unscored_note(run),
         *commit_note(run),
         *repeat_note(run),
         *recovery_note(run),

@@ -7,6 +7,7 @@ from typing import Any
 
 from hijack_data.errors import quantity, shorten_list
 from hijack_data.plan import CLEAN
+from hijack_data.runs.amounts import is_count
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
 from hijack_data.runs.run_log import RUN, UNTIL_RETENTION
 
@@ -21,6 +22,18 @@ from .model import UNPAIRED_NOTE, RunReport
 def report_notes(report: RunReport, partial: int = 0) -> tuple[str, ...]:
     """Return the notes on a report, of whose scores `partial` are neither 0 nor 1."""
     return tuple(_notes(report, partial))
+
+
+def unscored_note(run: Run) -> Iterator[str]:
+    """Yield which rows of its dataset a scoring run leaves out."""
+    left_out = {
+        "unscored": ("row", "with an action of no known type"),
+        "unchanged": ("corrupted row", "with the clean picture"),
+    }
+    for key, (rows, reason) in left_out.items():
+        count = run.config.get(key)
+        if run.is_scored and is_count(count) and count:
+            yield f"Not scored: {quantity(count, rows)} {reason}."
 
 
 def recovery_note(run: Run) -> Iterator[str]:
