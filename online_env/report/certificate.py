@@ -18,6 +18,7 @@ from hijack_data.errors import (
     HijackError,
     ParameterError,
     UnknownNameError,
+    quantity,
     short_repr,
     shorten_list,
     suggest,
@@ -207,7 +208,7 @@ def certify(
             f"{name}{_helpers(run, name)} keeps at least {100 * least:.2f} % of its clean success,"
             f" with {100 * confidence:g} % confidence, over"
             f" {shorten_list(list(shares), len(shares))} ({len(tasks.tasks)} tasks"
-            f"{_tasks_left_out(run)})" + (f": {declared}" if declared else "")
+            f"{_left_out(run, tasks)})" + (f": {declared}" if declared else "")
         ),
         agent=name,
         retention_at_least=least,
@@ -405,12 +406,15 @@ def _helpers(run: Run, agent: str) -> str:
     return f" ({', '.join(words)})" if words else ""
 
 
-def _tasks_left_out(run: Run) -> str:
-    """Return how many tasks could not be played and count for nothing, as words."""
-    tasks = run.config.get("unplayable")
-    if not tasks or run.config.get("unplayable_score") is not None:
-        return ""
-    return f", without {len(tasks)} that could not be played"
+def _left_out(run: Run, tasks: TaskRetention) -> str:
+    """Return which tasks and rows count for nothing, as words after the number of tasks."""
+    unplayable = run.config.get("unplayable")
+    parts: list[str] = []
+    if unplayable and run.config.get("unplayable_score") is None:
+        parts.append(f", without {len(unplayable)} that could not be played")
+    if tasks.unshared:
+        parts.append(f", without {quantity(tasks.unshared, 'row')} that not every condition has")
+    return "".join(parts)
 
 
 def _labels(run: Run) -> list[str]:

@@ -32,8 +32,8 @@ from support.recorded import AGENT, PLANNERS, Episodes, Silent, Straw, config, n
 from support.reported import made, read_run, scored
 
 
-def certificate_of(folder, found, **options):
-    return certify(read_run(folder, found), **options)
+def certificate_of(folder, found, **config):
+    return certify(read_run(folder, found, **config))
 
 
 def two_conditions(clean, marks, **more):
@@ -161,6 +161,18 @@ def test_the_statement_says_what_helped_the_agent_and_what_was_left_out(tmp_path
     statement = certify(run).statement
     assert statement.startswith("a (given the task's plan in words, watched by the guard rules) ke")
     assert statement.endswith("over marks (14 tasks, without 2 that could not be played)")
+
+
+def test_the_statement_counts_the_rows_that_not_every_condition_has(tmp_path):
+    """A corruption that a build could not place on half of the rows was certified as if it had."""
+    items = [
+        made("a", f"t{number}", label, id=f"{number}{label}", task_seed="0003")
+        for number in range(20)
+        for label in ("clean", "marks")
+        if label == "clean" or number < 14
+    ]
+    statement = certificate_of(tmp_path / "run", items, kind="score").statement
+    assert statement.endswith("over marks (14 tasks, without 6 rows that not every condition has)")
 
 
 def test_results_of_others_are_certified_once_their_conditions_are_declared(tmp_path, capsys):
