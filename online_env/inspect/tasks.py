@@ -31,6 +31,12 @@ ABOUT = (
 )
 _KEY = f"{PACKAGE}:sample"
 _TASK = "task"  # in the metadata of a sample; samples of one task are no independent cases
+# Settings of a file that Inspect's runner would not keep, and which options it has for them.
+_OWN_OPTIONS = {
+    "retries": "--retry-on-error",
+    "agent_timeout": "--timeout",
+    "episode_timeout": "--time-limit",
+}
 _Names = str | list[str] | None
 
 
@@ -159,6 +165,13 @@ def _check_playable(benchmark: Bench) -> None:
             f"guard {benchmark.guard!r} watches agents of hijack bench, and no models of Inspect's;"
             " leave it out"
         )
+    for name, option in _OWN_OPTIONS.items():
+        value = getattr(benchmark, name)
+        if value != getattr(Bench(), name):
+            raise ParameterError(
+                f"{benchmark.source or 'the benchmark'}: {name}: {value} is kept by hijack bench,"
+                f" and not by Inspect; leave it out, and give Inspect {option}"
+            )
 
 
 def _samples(benchmark: Bench) -> Iterator[Sample]:

@@ -354,6 +354,10 @@ def test_a_configuration_is_chosen_from(tmp_path):
         bench("osworld")
     with pytest.raises(ParameterError, match="guard 'rules' watches agents of hijack bench"):
         inspect_task(benchmark(guard="rules"))
+    with pytest.raises(
+        ParameterError, match="episode_timeout: 60 is kept by hijack bench, and not"
+    ):
+        inspect_task(benchmark(episode_timeout=60))
 
 
 def test_inspect_finds_the_tasks_in_an_installed_package(tmp_path):
