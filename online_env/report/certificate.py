@@ -491,8 +491,10 @@ def _disturbances(run: Run, shares: Mapping[str, float]) -> Iterator[Disturbance
     entries = {label: (name, values) for label, name, values in corruption_entries(run.config)}
     for label, weight in shares.items():
         name, values = entries.get(label, (label, {}))
-        # Another harness may have a name of ours, and a log an unknown planner.
+        # Another harness may have a name of ours. The parameters of a log or a dataset may be
+        # unknown: then the label alone is there, or nothing.
         is_known = run.config.get("kind") != RESULTS and label in entries
+        is_known = is_known and not (run.is_scored and label in run.config["corruptions"])
         try:
             find_corruption(name)
         except HijackError:

@@ -171,8 +171,12 @@ def test_the_statement_counts_the_rows_that_not_every_condition_has(tmp_path):
         for label in ("clean", "marks")
         if label == "clean" or number < 14
     ]
-    statement = certificate_of(tmp_path / "run", items, kind="score").statement
-    assert statement.endswith("over marks (14 tasks, without 6 rows that not every condition has)")
+    certificate = certificate_of(tmp_path / "run", items, kind="score")
+    (entry,) = certificate.distribution
+    assert (entry.corruption, entry.severity) == (None, None), "its parameters are not known"
+    assert certificate.statement.endswith(
+        "over marks (14 tasks, without 6 rows that not every condition has)"
+    )
 
 
 def test_results_of_others_are_certified_once_their_conditions_are_declared(tmp_path, capsys):
