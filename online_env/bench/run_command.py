@@ -107,6 +107,9 @@ def run_command(
         in_process=in_process,
         agent_memory=agent_memory or 0.0,
     )
+    notice = "" if plans is None else read_plan_set(plans).selection_notice(benchmark.agents)
+    if notice:
+        _notice(f"{plans}: {notice}")
     if benchmark.text_boxes:
         extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
     benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)

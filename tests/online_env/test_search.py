@@ -159,7 +159,11 @@ def test_rows_are_searched_resumed_and_replayed(
     capsys.readouterr()
     out = tmp_path / "again"
     assert hijack("score", dataset, "--plans", worst, "--agent", agent, "-o", out, "--json") == 0
-    rows = {row["corruption"]: row for row in json.loads(capsys.readouterr().out) if "delta" in row}
+    printed = capsys.readouterr()
+    rows = {row["corruption"]: row for row in json.loads(printed.out) if "delta" in row}
+    assert f"it lost, in points: {plans[0].label} 100.0" in printed.err, (
+        "chosen on half of the rows"
+    )
     assert rows[plans[0].label]["delta"] == -1.0
     assert hijack("bench", "--plans", worst, "--dry-run") == 2
     assert "score it with hijack score" in capsys.readouterr().err
@@ -256,7 +260,11 @@ def test_a_set_of_plans_is_a_closed_world(tmp_path: Path, capsys: Any) -> None:
     assert read_plan_set(path).plans[0].planner.to_config() == pair.to_config()
     assert plan.shrinkage == 0.5
     assert hijack("bench", "--plans", path, "--dry-run", "--agent", "do_nothing") == 0
-    assert capsys.readouterr().out.count("do_nothing  write_note") == 4, "2 seeds, clean and pair"
+    printed = capsys.readouterr()
+    assert printed.out.count("do_nothing  write_note") == 4, "2 seeds, clean and pair"
+    assert "partly luck" not in printed.err, "the pair was chosen for another agent"
+    assert hijack("bench", "--plans", path, "--dry-run") == 0
+    assert "did not use it lost, in points: t1_pair 50.0" in capsys.readouterr().err
     for agent, config, code, text in (
         ("do_nothing", (), 0, "do_nothing  write_note"),
         ("mine", (), 2, "was searched for the agent 'mine', which is not known here"),
