@@ -96,7 +96,11 @@ class PlanSet:
         """
         if self.agent not in agents:
             return ""
-        confirmed = (f"{plan.label} {100 * plan.confirmed.loss:.1f}" for plan in self.plans)
+        confirmed = (
+            f"{plan.label} {100 * plan.confirmed.loss:.1f}"
+            for plan in self.plans
+            if plan.confirmed.n
+        )
         return (
             f"these corruptions were chosen as the worst of {self.agent}, so on cases of the search"
             " its losses are partly luck; on those that the search did not use it lost, in points:"

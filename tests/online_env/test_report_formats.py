@@ -260,6 +260,18 @@ def test_small_numbers_are_not_nothing(tmp_path):
     assert " 0.000 " not in formats.write(document, "terminal")
 
 
+@pytest.mark.parametrize("words", [(), ("--json",), ("--format", "csv")])
+def test_a_finished_report_ends_with_the_code_of_its_run(tmp_path, capsys, words):
+    """It ended with 0, whatever its run lacked."""
+    invalid = made("mine", "t2", "marks") | {"status": "invalid", "score": None}
+    run = run_of(tmp_path / "run", [*scored("mine", "marks", [1, 0]), invalid])
+    whole_run = run_of(tmp_path / "whole", scored("mine", "marks", [1, 0]))
+    for folder, expected in ((run, 1), (whole_run, 0)):
+        file = tmp_path / f"{folder.name}.report.json"
+        assert hijack(capsys, "report", folder, "-o", file)[0] == expected
+        assert hijack(capsys, "report", file, *words)[0] == expected
+
+
 def test_the_rows_of_a_finished_report_are_those_of_its_run(folder, capsys, tmp_path):
     _, rows, _ = hijack(capsys, "report", folder, "--json")
     path = tmp_path / "report.json"
