@@ -56,6 +56,21 @@ def recovery_note(run: Run) -> Iterator[str]:
     yield f"Recovery policy {run.config.get('recovery', 'unknown')}: {summary}."
 
 
+def error_order_note(run: Run) -> Iterator[str]:
+    """Yield how many episodes met their environment errors after the set-up, unlike the paper's."""
+    late = Counter(
+        record["corruption"]
+        for record in (run.last_attempts if run.is_live else ())
+        if record.get("environment_errors") == "after_setup"
+    )
+    if late:
+        listed = ", ".join(f"{label} {count}" for label, count in late.items())
+        yield (
+            f"In {quantity(late.total(), 'episode')} the network was cut after the task had been"
+            f" set up ({listed}); in the paper it is cut before."
+        )
+
+
 def guard_note(run: Run) -> Iterator[str]:
     """Yield the guard of a run with its settings, and how often it acted, for each agent."""
     guard = run.config.get("guard")

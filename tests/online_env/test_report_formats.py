@@ -160,6 +160,20 @@ def test_every_form_says_who_asked_for_recovery(tmp_path, capsys):
     assert "Recovery policy: repair." in out
 
 
+def test_a_report_says_where_the_network_was_cut_later_than_in_the_paper(tmp_path):
+    """The order decides what network_error costs, and was in run.json alone."""
+    records = [
+        *(r | {"environment_errors": "after_setup"} for r in scored("a", "network_error", [1, 0])),
+        *(r | {"environment_errors": "before_setup"} for r in scored("b", "network_error", [1, 0])),
+        *(r | {"environment_errors": None} for r in scored("a", "clean", [1, 0])),
+    ]
+    notes = build_report(read_run(tmp_path / "run", records)).notes
+    output = "In 2 episodes the network was cut after the task had been set up (network_error 2)"
+    assert any(output in note for note in notes)
+    early = read_run(tmp_path / "early", [r for r in records if r["agent"] == "b"])
+    assert not any("network was cut" in note for note in build_report(early).notes)
+
+
 @pytest.mark.parametrize("form", ["terminal", "markdown", "html"])
 def test_every_form_says_why_there_is_no_mce(tmp_path, capsys, form):
     records = [
