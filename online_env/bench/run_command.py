@@ -87,7 +87,7 @@ def run_command(
     Raises:
         HijackError: The run is refused.
         SystemExit: With the exit code, once the run is over.
-        UsageError: `out` is missing.
+        UsageError: `out` is missing, or an option makes another one idle.
     """
     benchmark = override(
         _load(config, plans, agent),
@@ -107,9 +107,8 @@ def run_command(
         in_process=in_process,
         agent_memory=agent_memory or 0.0,
     )
-    notice = "" if plans is None else read_plan_set(plans).selection_notice(benchmark.agents)
-    if notice:
-        _notice(f"{plans}: {notice}")
+    if plans is not None:
+        _check_plans(plans, benchmark)
     if benchmark.text_boxes:
         extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
     benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)
@@ -184,6 +183,23 @@ def _load(config: str | None, plans: Path | None, agent: str | None) -> Bench:
             f" {', '.join(base.agents)}; say with --agent which one plays"
         )
     return replace(base, corruptions=plan_set.planners)
+
+
+def _check_plans(plans: Path, benchmark: Bench) -> None:
+    """Print what is luck when a set of plans is played again.
+
+    Raises:
+        UsageError: None of its corruptions is played.
+    """
+    plan_set = read_plan_set(plans)
+    labels = [plan.label for plan in plan_set.plans]
+    if not labels:
+        raise click.UsageError(f"{plans} holds no corruption: none cost anything in its search")
+    if not any(label in benchmark.planners for label in labels):
+        raise click.UsageError(f"--corruptions names none of {plans} ({', '.join(labels)})")
+    notice = plan_set.selection_notice(benchmark.agents)
+    if notice:
+        _notice(f"{plans}: {notice}")
 
 
 def play_run(

@@ -265,6 +265,8 @@ def test_a_set_of_plans_is_a_closed_world(tmp_path: Path, capsys: Any) -> None:
     assert "partly luck" not in printed.err, "the pair was chosen for another agent"
     assert hijack("bench", "--plans", path, "--dry-run") == 0
     assert "did not use it lost, in points: t1_pair 50.0" in capsys.readouterr().err
+    assert hijack("bench", "--plans", path, "--dry-run", "--corruptions", "everyday") == 2
+    assert f"--corruptions names none of {path} (t1_pair)" in capsys.readouterr().err
     for agent, config, code, text in (
         ("do_nothing", (), 0, "do_nothing  write_note"),
         ("mine", (), 2, "was searched for the agent 'mine', which is not known here"),
