@@ -60,7 +60,9 @@ class DatasetRows:
         self.folder = folder
         self.content: str = self._dataset.fingerprint
         config: str | None = self._dataset.manifest["config"]
-        self.entries = {} if config is None else entries_by_label(yaml.safe_load(config))
+        self.entries: Mapping[str, Any] = (
+            {} if config is None else entries_by_label(yaml.safe_load(config))
+        )
         self._data: bytes | None = None  # of the picture that the rows of a step share
         self._base: UInt8Array | None = None
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import yaml
 
@@ -49,7 +49,9 @@ class PlannedRows:
         self.folder = folder
         self.content = self._rows.content
         corrupting = {label: planner for label, planner in planners.items() if planner is not None}
-        self.entries = entries_by_label(yaml.safe_load(dump(corrupting))) if corrupting else {}
+        self.entries: Mapping[str, Any] = (
+            entries_by_label(yaml.safe_load(dump(corrupting))) if corrupting else {}
+        )
         self._seed = seed
         self._labels = list(planners)
         self._planners = {
