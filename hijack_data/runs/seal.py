@@ -1,7 +1,8 @@
 """The seal of a run: the hashes of its files, signed with an SSH key.
 
 `seal.json` holds the SHA-256 of `run.json`, of `records.jsonl` and of each `episode.json`, whose
-chains of hashes cover all lines and pictures (see `run_log`). It is signed by OpenSSH's own
+chains of hashes cover all lines and pictures (see `run_log`), and that of `sessions.jsonl` if the
+run was resumed. It is signed by OpenSSH's own
 `ssh-keygen -Y sign`, so anyone can check `seal.json.sig` without this library.
 """
 
@@ -14,7 +15,7 @@ from typing import Any
 
 from ..errors import HijackError, MissingDependencyError
 from ..file_io import read_regular, write_atomic
-from .run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, SIGNATURE, file_digest
+from .run_log import EPISODE, EPISODES, RECORDS, RUN, SEAL, SESSIONS, SIGNATURE, file_digest
 
 NAMESPACE = "agenthijack-run"  # signatures made for another purpose do not count
 FORMAT = "agenthijack-seal"
@@ -58,9 +59,11 @@ def sign(folder: Path, key: str) -> None:
 def contents(folder: Path) -> dict[str, Any]:
     """Return the content of a run's seal, computed from its present files."""
     episodes = sorted((folder / EPISODES).glob(f"*/{EPISODE}"))
+    sessions = file_digest(folder / SESSIONS)
     return {
         "format": FORMAT,
         "version": VERSION,
+        **({} if sessions is None else {"sessions": sessions}),
         "run": file_digest(folder / RUN),
         "records": file_digest(folder / RECORDS),
         "episodes": {path.parent.name: file_digest(path) for path in episodes},

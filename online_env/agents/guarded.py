@@ -120,8 +120,9 @@ class Guarded:
         self._forget()
 
     def __getattr__(self, name: str) -> Any:
-        # What the agent has beside `predict`: `follow` and `uses_plan`, `prepare`, `check_ready`.
-        if name.startswith("_"):
+        # What the agent has beside `predict`: `follow` and `uses_plan`, `prepare`, `check_ready`;
+        # not what would answer past the guard.
+        if name.startswith("_") or name == "predict_batch":
             raise AttributeError(name)
         return getattr(self._agent, name)
 

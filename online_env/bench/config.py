@@ -386,8 +386,8 @@ def at_severities(bench: Bench, text: str | None) -> Bench:
         text: levels such as `1-5` or `1,3,5`; `None` for no change.
 
     Raises:
-        ParameterError: the text is no list of levels, or a corruption is a combination or has
-            parameters of its own.
+        ParameterError: the text is no list of levels, a corruption is a combination or has
+            parameters of its own, or none has levels.
     """
     if text is None:
         return bench
@@ -405,6 +405,11 @@ def at_severities(bench: Bench, text: str | None) -> Bench:
             planners |= {f"{label}_s{level}": type(planner).at(level) for level in levels}
         else:
             planners[label] = planner
+    if planners == bench.planners:
+        raise ParameterError(
+            f"--severities: no corruption of the run has levels ({', '.join(planners)}); leave it"
+            " out, or name others with --corruptions"
+        )
     return replace(bench, corruptions=planners)
 
 

@@ -85,6 +85,28 @@ class PlanSet:
         """The clean condition and the corruptions, by label."""
         return {CLEAN: None, **{plan.label: plan.planner for plan in self.plans}}
 
+    def selection_notice(self, agents: Sequence[str]) -> str:
+        """Return why losses of the searched agent are too large when the set is played again.
+
+        Args:
+            agents: Those that play it.
+
+        Returns:
+            "" if others play it, for whom the corruptions were not chosen.
+        """
+        if self.agent not in agents:
+            return ""
+        confirmed = (
+            f"{plan.label} {100 * plan.confirmed.loss:.1f}"
+            for plan in self.plans
+            if plan.confirmed.n
+        )
+        return (
+            f"these corruptions were chosen as the worst of {self.agent}, so on cases of the search"
+            " its losses are partly luck; on those that the search did not use it lost, in points:"
+            f" {', '.join(confirmed)}"
+        )
+
     def write(self, path: Path) -> None:
         """Write the file, whole or not at all."""
         body = {

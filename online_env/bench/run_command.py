@@ -87,7 +87,7 @@ def run_command(
     Raises:
         HijackError: The run is refused.
         SystemExit: With the exit code, once the run is over.
-        UsageError: `out` is missing.
+        UsageError: `out` is missing, or an option makes another one idle.
     """
     benchmark = override(
         _load(config, plans, agent),
@@ -107,6 +107,8 @@ def run_command(
         in_process=in_process,
         agent_memory=agent_memory or 0.0,
     )
+    if plans is not None:
+        _check_plans(plans, benchmark)
     if benchmark.text_boxes:
         extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
     benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)
@@ -117,7 +119,7 @@ def run_command(
     check_agents(benchmark)
     check_guard(benchmark.guard, benchmark.agents)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
-    prepare(benchmark, models, None if dry_run else out)
+    prepare(benchmark, models, None)
     planned_jobs = jobs(benchmark)
     if detect is not None:
         if not dry_run:
@@ -183,6 +185,23 @@ def _load(config: str | None, plans: Path | None, agent: str | None) -> Bench:
     return replace(base, corruptions=plan_set.planners)
 
 
+def _check_plans(plans: Path, benchmark: Bench) -> None:
+    """Print what is luck when a set of plans is played again.
+
+    Raises:
+        UsageError: None of its corruptions is played.
+    """
+    plan_set = read_plan_set(plans)
+    labels = [plan.label for plan in plan_set.plans]
+    if not labels:
+        raise click.UsageError(f"{plans} holds no corruption: none cost anything in its search")
+    if not any(label in benchmark.planners for label in labels):
+        raise click.UsageError(f"--corruptions names none of {plans} ({', '.join(labels)})")
+    notice = plan_set.selection_notice(benchmark.agents)
+    if notice:
+        _notice(f"{plans}: {notice}")
+
+
 def play_run(
     benchmark: Bench,
     out: Path,
@@ -207,6 +226,7 @@ def play_run(
         HijackError: The run is refused.
         Abort: It was interrupted by Ctrl-C.
     """
+    prepare(benchmark, models, out)
     planned_jobs = jobs(benchmark)
     _check_here(benchmark, engine, len(planned_jobs))
     setup = _setup(benchmark, out, models)

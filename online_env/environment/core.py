@@ -97,8 +97,9 @@ class CorruptedEnv(gymnasium.Env[dict[str, Any], str]):
             seed: Decides the task's variant, all draws of the corruption, and `np_random` as
                 gymnasium seeds it; drawn from `np_random` if omitted.
             options: `task` (what the stage takes; default: the stage's own), `corruption` (as in
-                the constructor; default: the one given there), `label` (its name in the record),
-                `attempt` (0, 1, 2 ...; default: the first that is not in the log).
+                the constructor; default: the one given there), `label` (its name in the record,
+                not that of another condition), `attempt` (0, 1, 2 ...; default: the first that is
+                not in the log).
 
         Returns:
             The first observation and `info`.

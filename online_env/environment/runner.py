@@ -5,6 +5,7 @@ import sys
 from dataclasses import dataclass
 from typing import Any, cast
 
+from hijack_data.corruption import CORRUPTIONS
 from hijack_data.errors import (
     HijackError,
     ParameterError,
@@ -12,6 +13,7 @@ from hijack_data.errors import (
     UnknownNameError,
     suggest,
 )
+from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 from hijack_data.runs.run_planners import get_label
 from hijack_data.types import Size
@@ -57,16 +59,21 @@ class EpisodeRunner:
 
         Returns:
             The size of the agent's pictures, (height, width).
+
+        Raises:
+            ParameterError: The label is the name of another condition.
         """
         planner = self._planner
         if options.has_corruption:
             planner = find_planner(options.corruption)
+        label = options.label or get_label(planner)
+        if label != get_label(planner) and label in (CLEAN, *CORRUPTIONS.names()):
+            raise ParameterError(
+                f"label {label!r} names another condition than {get_label(planner)}, whose episodes"
+                " would be counted as its own; choose another label"
+            )
         request = EpisodeRequest(
-            planner=planner,
-            label=options.label or get_label(planner),
-            task=options.task,
-            seed=seed,
-            attempt=options.attempt,
+            planner=planner, label=label, task=options.task, seed=seed, attempt=options.attempt
         )
         self.episode = Episode(self._stage, self.settings, request)
         return self.episode.begin()

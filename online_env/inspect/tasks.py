@@ -30,6 +30,13 @@ ABOUT = (
     " submit FAIL."
 )
 _KEY = f"{PACKAGE}:sample"
+_TASK = "task"  # in the metadata of a sample; samples of one task are no independent cases
+# Settings of a file that Inspect's runner would not keep, and which options it has for them.
+_OWN_OPTIONS = {
+    "retries": "--retry-on-error",
+    "agent_timeout": "--timeout",
+    "episode_timeout": "--time-limit",
+}
 _Names = str | list[str] | None
 
 
@@ -158,6 +165,13 @@ def _check_playable(benchmark: Bench) -> None:
             f"guard {benchmark.guard!r} watches agents of hijack bench, and no models of Inspect's;"
             " leave it out"
         )
+    for name, option in _OWN_OPTIONS.items():
+        value = getattr(benchmark, name)
+        if value != getattr(Bench(), name):
+            raise ParameterError(
+                f"{benchmark.source or 'the benchmark'}: {name}: {value} is kept by hijack bench,"
+                f" and not by Inspect; leave it out, and give Inspect {option}"
+            )
 
 
 def _samples(benchmark: Bench) -> Iterator[Sample]:
@@ -167,7 +181,7 @@ def _samples(benchmark: Bench) -> Iterator[Sample]:
                 yield Sample(
                     id=f"{name}-{label}-s{seed}",
                     input=get(name, seed).instruction,
-                    metadata={"task": name, CORRUPTION: label, "seed": seed},
+                    metadata={_TASK: name, CORRUPTION: label, "seed": seed},
                 )
 
 
@@ -187,7 +201,7 @@ def desktop(benchmark: Bench, sessions: Sessions) -> Any:
         store().set(_KEY, state.uuid)
 
         def begin() -> None:
-            session.begin(metadata["task"], metadata[CORRUPTION], metadata["seed"])
+            session.begin(metadata[_TASK], metadata[CORRUPTION], metadata["seed"])
 
         await sessions.open(state.uuid, session, begin)
         if session.record is not None:
@@ -218,7 +232,7 @@ def _player(sessions: Sessions, keep: int) -> Any:
     )
 
 
-@scorer(metrics=[grouped(mean(), CORRUPTION, all_label="all"), stderr()])
+@scorer(metrics=[grouped(mean(), CORRUPTION, all_label="all"), stderr(cluster=_TASK)])
 def task_score(sessions: Sessions) -> Any:
     """Score an episode as the benchmark does."""
 

@@ -20,12 +20,16 @@ from .further_tests import MARGIN, equivalence_tests, measure_changes, severity_
 from .identity import run_identity
 from .model import ReportError, RunReport, from_data
 from .notes import (
+    commit_note,
     design_notes,
     early_end_note,
+    error_order_note,
     fraction_note,
     guard_note,
     recovery_note,
+    repeat_note,
     report_notes,
+    unscored_note,
 )
 from .summaries import summarise_agents
 from .unplayable import counted_records, unplayable_note
@@ -140,7 +144,11 @@ def build_report(
     notes = (
         *early_end_note(run),
         *unplayable_note(run),
+        *unscored_note(run),
+        *commit_note(run),
+        *repeat_note(run),
         *recovery_note(run),
+        *error_order_note(run),
         *guard_note(run),
         *fraction_note(run),
         *design_notes(run, groups),

@@ -18,13 +18,15 @@ from hijack_data.errors import (
     HijackError,
     ParameterError,
     UnknownNameError,
+    quantity,
     short_repr,
     shorten_list,
     suggest,
 )
 from hijack_data.file_io import read_versioned_json
 from hijack_data.plan import CLEAN
-from hijack_data.runs.run_log import RECORDS, file_digest, sha256_hex
+from hijack_data.runs.privileged_inputs import collect_privileged_inputs, describe_privileged_inputs
+from hijack_data.runs.run_log import GIVEN_KINDS, RECORDS, file_digest, sha256_hex
 
 from ..choices import CONFIDENCE
 from ..extra import require
@@ -203,9 +205,10 @@ def certify(
     identity = run_identity(run)
     return Certificate(
         statement=(
-            f"{name} keeps at least {100 * least:.2f} % of its clean success, with"
-            f" {100 * confidence:g} % confidence, over {shorten_list(list(shares), len(shares))}"
-            f" ({len(tasks.tasks)} tasks)" + (f": {declared}" if declared else "")
+            f"{name}{_helpers(run, name)} keeps at least {100 * least:.2f} % of its clean success,"
+            f" with {100 * confidence:g} % confidence, over"
+            f" {shorten_list(list(shares), len(shares))} ({len(tasks.tasks)} tasks"
+            f"{_left_out(run, tasks)})" + (f": {declared}" if declared else "")
         ),
         agent=name,
         retention_at_least=least,
@@ -390,6 +393,30 @@ def _choose_agent(run: Run, agent: str) -> str:
     return agent or agents[0]
 
 
+def _helpers(run: Run, agent: str) -> str:
+    """Return what an agent had that others do not, as words after its name; "" for nothing.
+
+    An agent with a guard, or with the plan of its task, keeps more than it does alone.
+    """
+    input_sets = collect_privileged_inputs(r for r in run.records if r["agent"] == agent)
+    kinds = [kind for kind in GIVEN_KINDS if any(kind in inputs for inputs in input_sets)]
+    words = [f"given {describe_privileged_inputs(kinds)}"] if kinds else []
+    if run.config.get("guard"):
+        words.append(f"watched by the guard {run.config['guard']}")
+    return f" ({', '.join(words)})" if words else ""
+
+
+def _left_out(run: Run, tasks: TaskRetention) -> str:
+    """Return which tasks and rows count for nothing, as words after the number of tasks."""
+    unplayable = run.config.get("unplayable")
+    parts: list[str] = []
+    if unplayable and run.config.get("unplayable_score") is None:
+        parts.append(f", without {len(unplayable)} that could not be played")
+    if tasks.unshared:
+        parts.append(f", without {quantity(tasks.unshared, 'row')} that not every condition has")
+    return "".join(parts)
+
+
 def _labels(run: Run) -> list[str]:
     """Return the conditions of a run other than the clean one."""
     listed = [label for label, _, _ in corruption_entries(run.config)]
@@ -464,7 +491,10 @@ def _disturbances(run: Run, shares: Mapping[str, float]) -> Iterator[Disturbance
     entries = {label: (name, values) for label, name, values in corruption_entries(run.config)}
     for label, weight in shares.items():
         name, values = entries.get(label, (label, {}))
-        is_known = run.config.get("kind") != RESULTS  # another harness may have a name of ours
+        # Another harness may have a name of ours. The parameters of a log or a dataset may be
+        # unknown: then the label alone is there, or nothing.
+        is_known = run.config.get("kind") != RESULTS and label in entries
+        is_known = is_known and not (run.is_scored and label in run.config["corruptions"])
         try:
             find_corruption(name)
         except HijackError:

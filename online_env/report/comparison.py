@@ -4,15 +4,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from hijack_data.errors import shorten_list
+from hijack_data.errors import quantity, shorten_list
 
 from ..extra import require
 from ..results import scores
-from ..results.reading import Run
+from ..results.reading import ResultRecord, Run
 from . import formatting
 from .identity import run_identity, task_code
 from .model import ReportError, RunIdentity
-from .notes import partial_note
+from .notes import partial_note, played_commits
 from .unplayable import counted_records
 
 PACKAGE = "agenthijack"
@@ -226,6 +226,7 @@ def _notes(
             f"Other files define {shorten_list(other_files)} in {names[0]} than in {names[1]}:"
             " what differs may be the task, not the agent."
         )
+    yield from _instruction_note(before, after, names, agent_pairs)
     yield from partial_note(
         scores.count_partial(before.last_attempts) + scores.count_partial(after.last_attempts)
     )
@@ -235,7 +236,47 @@ def _notes(
             f"{names[0]} was made with {PACKAGE} {versions[0]}, {names[1]} with {versions[1]}:"
             " tasks and corruptions may have changed."
         )
+    commits = [
+        ", ".join(dict.fromkeys(commit for _, commit in played_commits(run)))
+        for run in (before, after)
+    ]
+    if versions[0] == versions[1] and commits[0] != commits[1]:
+        yield (
+            f"{names[0]} was played by commit {commits[0]} of {PACKAGE}, {names[1]} by"
+            f" {commits[1]}: tasks, corruptions and agents may have changed."
+        )
     yield from _insignificant_notes(rows)
+
+
+def _instruction_note(
+    before: Run, after: Run, names: tuple[str, str], agent_pairs: Mapping[str, str]
+) -> Iterator[str]:
+    """Yield how many compared cases asked for something else, though they have the same name."""
+    earlier = {_case(record): record for record in before.last_attempts}
+    old_names = {new: old for old, new in agent_pairs.items()}
+    differing = [
+        record["task"]
+        for record in after.last_attempts
+        if (old := earlier.get((old_names.get(record["agent"]), *_case(record)[1:])))
+        and old.get("instruction") != record.get("instruction")
+    ]
+    if differing:
+        listed = shorten_list(list(dict.fromkeys(differing)), 3)
+        yield (
+            f"{quantity(len(differing), 'case')} had another instruction in {names[0]} than in"
+            f" {names[1]} ({listed}): what differs may be the task, not the agent."
+        )
+
+
+def _case(record: ResultRecord) -> tuple[Any, ...]:
+    """Return the agent of a record, and what pairs it with one of another run."""
+    return (
+        record["agent"],
+        record["corruption"],
+        record["task"],
+        record.get("task_seed"),
+        record["seed"],
+    )
 
 
 def _names(before: Run, after: Run) -> tuple[str, str]:

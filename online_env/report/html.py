@@ -152,6 +152,7 @@ def _facts(run: RunIdentity) -> list[tuple[str, str]]:
         ("desktop", run.provider),
         ("actions at most", "" if run.max_steps is None else str(run.max_steps)),
         ("recovery policy", run.recovery),
+        ("guard", run.guard),
         ("SHA-256 of run.json", run.head_sha256),
         ("versions", ", ".join(f"{name} {version}" for name, version in run.versions.items())),
     ]

@@ -93,6 +93,7 @@ def run_identity(run: Run) -> RunIdentity:
         versions=_texts(head.get("versions")),
         provider=str(desktop.get("provider", "")) if isinstance(desktop, dict) else "",
         recovery=str(config.get("recovery", "")),
+        guard=str(config.get("guard", "")),
         max_steps=_integer(config.get("max_steps")),
         seeds=_seeds(final),
         tasks=_count_tasks(final),

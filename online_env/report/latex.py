@@ -5,6 +5,8 @@ An agent has a row, a condition a column, and the best of each column is bold.
 
 from collections.abc import Sequence
 
+from hijack_data.errors import quantity
+
 from . import formatting
 from .document import ReportDocument
 from .model import AgentSummary, RunReport
@@ -41,9 +43,14 @@ def as_latex(document: ReportDocument) -> str:
 
 
 def _circumstances(report: RunReport) -> str:
-    """Return the sentences that end the caption: the recovery policy, and what is missing."""
+    """Return the sentences that end the caption: recovery policy, guard, what does not count."""
     run = report.run
     sentences = f" Recovery policy: {_escape(run.recovery)}." if run.recovery else ""
+    if run.guard:
+        sentences += f" Every agent is watched by the guard {_escape(run.guard)}."
+    invalid = sum(row.invalid for row in report.summaries)
+    if invalid:
+        sentences += f" Without {quantity(invalid, 'invalid episode')}."
     if run.missing:
         sentences += f" {run.missing} of {run.planned} episodes are missing."
     return sentences

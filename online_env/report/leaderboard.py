@@ -19,8 +19,8 @@ from .named_scores import YARDSTICKS
 RULE = (
     "Agents are ranked by their mean success over the corruptions; equal means share a rank. Ranked"
     " together are only agents that were played under one setting (kind of run, tasks, conditions"
-    " with their parameters, seeds, actions, desktop, recovery policy) and were given the same"
-    " inputs. Yardsticks (oracle, recovering, do_nothing, random, fail) and runs with missing,"
+    " with their parameters, seeds, actions, desktop, recovery policy, guard) and were given the"
+    " same inputs. Yardsticks (oracle, recovering, do_nothing, random, fail) and runs with missing,"
     " damaged or invalid episodes have no rank."
 )
 PICTURES = "instruction and pictures"
@@ -322,6 +322,7 @@ def _setting_facts(report: RunReport, reports: Sequence[RunReport]) -> dict[str,
         "actions": "" if run.max_steps is None else f"at most {quantity(run.max_steps, 'action')}",
         "desktop": f"provider {run.provider}" if run.provider else "",
         "recovery": f"recovery {run.recovery}" if run.recovery else "",
+        "guard": f"guard {run.guard}" if run.guard else "",
     }
     versions = sorted({item.run.versions.get(PACKAGE, "unknown") for item in reports})
     # Tasks and corruptions may have changed between versions.

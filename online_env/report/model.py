@@ -58,6 +58,7 @@ class RunIdentity:
         versions: of Python, the system and the packages that played it.
         provider: what gave the desktops; empty for a scoring run.
         recovery: the recovery policy; empty where there is none.
+        guard: what watched every agent; empty for nothing.
         max_steps: actions until an episode is cut off.
         seeds: of variants and of the corruptions' draws.
         tasks: how many tasks there are, whatever their variants.
@@ -80,6 +81,7 @@ class RunIdentity:
     versions: Mapping[str, str] = field(default_factory=dict[str, str])
     provider: str = ""
     recovery: str = ""
+    guard: str = ""
     max_steps: int | None = None
     seeds: tuple[int, ...] = ()
     tasks: int = 0

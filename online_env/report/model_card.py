@@ -139,6 +139,8 @@ def _arguments(report: RunReport) -> Iterator[tuple[str, Any]]:
         "seeds": len(run.seeds),
         "max_steps": run.max_steps,
         "recovery": run.recovery,
+        "guard": run.guard,
+        "invalid_episodes": sum(row.invalid for row in report.summaries),
         "missing_episodes": run.missing,
         "damaged_records": run.damaged,
         "run_sha256": run.head_sha256,

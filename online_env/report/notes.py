@@ -7,10 +7,12 @@ from typing import Any
 
 from hijack_data.errors import quantity, shorten_list
 from hijack_data.plan import CLEAN
+from hijack_data.runs.amounts import is_count
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
-from hijack_data.runs.run_log import UNTIL_RETENTION
+from hijack_data.runs.run_log import RUN, UNTIL_RETENTION
 
-from ..results import scores
+from ..results import origin, scores
+from ..results.episode_columns import EpisodeColumns
 from ..results.outcomes import RESULTS
 from ..results.reading import Run
 from .formatting import SIGNIFICANT_P
@@ -20,6 +22,18 @@ from .model import UNPAIRED_NOTE, RunReport
 def report_notes(report: RunReport, partial: int = 0) -> tuple[str, ...]:
     """Return the notes on a report, of whose scores `partial` are neither 0 nor 1."""
     return tuple(_notes(report, partial))
+
+
+def unscored_note(run: Run) -> Iterator[str]:
+    """Yield which rows of its dataset a scoring run leaves out."""
+    left_out = {
+        "unscored": ("row", "with an action of no known type"),
+        "unchanged": ("corrupted row", "with the clean picture"),
+    }
+    for key, (rows, reason) in left_out.items():
+        count = run.config.get(key)
+        if run.is_scored and is_count(count) and count:
+            yield f"Not scored: {quantity(count, rows)} {reason}."
 
 
 def recovery_note(run: Run) -> Iterator[str]:
@@ -40,6 +54,21 @@ def recovery_note(run: Run) -> Iterator[str]:
     ]
     summary = "; ".join(requests) or "no agent asked to be re-initialised"
     yield f"Recovery policy {run.config.get('recovery', 'unknown')}: {summary}."
+
+
+def error_order_note(run: Run) -> Iterator[str]:
+    """Yield how many episodes met their environment errors after the set-up, unlike the paper's."""
+    late = Counter(
+        record["corruption"]
+        for record in (run.last_attempts if run.is_live else ())
+        if record.get("environment_errors") == "after_setup"
+    )
+    if late:
+        listed = ", ".join(f"{label} {count}" for label, count in late.items())
+        yield (
+            f"In {quantity(late.total(), 'episode')} the network was cut after the task had been"
+            f" set up ({listed}); in the paper it is cut before."
+        )
 
 
 def guard_note(run: Run) -> Iterator[str]:
@@ -69,6 +98,45 @@ def guard_note(run: Run) -> Iterator[str]:
             f"Guard {guard} {' and '.join(settings)}: in {quantity(len(agent_records), 'episode')}"
             f" of {agent} it acted {acts.total()} times{listed} and reminded {reminders} times;"
             f" {false_alarms} of these were in clean episodes (false alarms)."
+        )
+
+
+def repeat_note(run: Run) -> Iterator[str]:
+    """Yield how many episodes with a score do not count, since their case was played again."""
+    if isinstance(run.records, EpisodeColumns):
+        return
+    counted = {id(record) for record in run.last_attempts}
+    replaced = Counter(
+        f"{record['agent']} under {record['corruption']}"
+        for record in run.records
+        if record["status"] == "ok" and id(record) not in counted
+    )
+    if replaced:
+        listed = ", ".join(f"{name} {count}" for name, count in replaced.items())
+        yield (
+            f"{quantity(replaced.total(), 'episode')} with a score left out: the same case (agent,"
+            f" condition, task and seed) was played again, and the last attempt counts ({listed})."
+        )
+
+
+def played_commits(run: Run) -> list[tuple[int, str]]:
+    """Return which commits of this library played a run, each with the number of episodes before.
+
+    None of a log without a head and of results of other harnesses.
+    """
+    if run.config.get("kind") == RESULTS or not (run.folder / RUN).exists():
+        return []
+    return origin.library_commits(run.folder)
+
+
+def commit_note(run: Run) -> Iterator[str]:
+    """Yield which commits of this library played a run, if it was resumed with another one."""
+    commits = played_commits(run)
+    if len(commits) > 1:
+        changes = (f"{commit} after {start}" for start, commit in commits[1:])
+        yield (
+            f"Several commits of agenthijack played the episodes: {commits[0][1]},"
+            f" {', '.join(changes)}; tasks, corruptions and agents may have changed."
         )
 
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 from hijack_data.cli.figure_table import FigureTable, grouped
-from hijack_data.runs.amounts import is_count
 
 from ..results.parts import REMINDER_COLUMNS, STEP_COLUMNS, PartsRow, part_rows
 from ..results.reading import Run
@@ -19,21 +18,6 @@ def parts_table(run: Run) -> FigureTable | None:
     if not run.is_scored or not columns:
         return None
     return _table(_sort_rows(run, part_rows(run.records)), columns)
-
-
-def unscored_lines(run: Run) -> list[str]:
-    """Return which rows of its dataset are not in a scoring run, in words."""
-    lines: list[str] = []
-    unscored = run.config.get("unscored")
-    if is_count(unscored) and unscored:
-        lines.append(f"{unscored} rows have an action of no known type and are not scored")
-    unchanged = run.config.get("unchanged")
-    if is_count(unchanged) and unchanged:
-        lines.append(f"{unchanged} corrupted rows have the clean picture and are not scored")
-    unpaired = run.config.get("unpaired")
-    if is_count(unpaired) and unpaired:
-        lines.append(f"{unpaired} corrupted rows have no clean one: they are not in the delta")
-    return lines
 
 
 def _sort_rows(run: Run, rows: Sequence[PartsRow]) -> list[PartsRow]:

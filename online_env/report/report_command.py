@@ -118,6 +118,7 @@ def report(
     from . import terminal
     from .build import build_report, load_report
     from .further_tests import MARGIN
+    from .outcome import report_exit_code
 
     runs = sources[0]
     is_own = is_own_run(sources)
@@ -140,10 +141,10 @@ def report(
         if as_json:
             cells = [{name: getattr(cell, name) for name in COLUMNS} for cell in finished.cells]
             _output(json.dumps(cells, indent=1) + "\n", out)
-            return
-        format = _format(format_name, out, beside)
-        _write(_document(finished, paper=paper, full=full), format, out)
-        return
+        else:
+            format = _format(format_name, out, beside)
+            _write(_document(finished, paper=paper, full=full), format, out)
+        raise SystemExit(report_exit_code(finished))
     run = options.read(sources, partial(_read, seeds=seeds))
     if as_json:
         _output(json.dumps(terminal.score_rows(run), indent=1) + "\n", out)

@@ -30,7 +30,7 @@ from .identity import agent_names, corruptions_by_label
 from .model import AgentSummary, Cell, RunReport
 from .outcome import missing_line
 from .paper import PaperTable, compare_with_paper
-from .parts_table import parts_table, unscored_lines
+from .parts_table import parts_table
 from .tables import (
     app_cause_table,
     cause_table,
@@ -123,9 +123,9 @@ def show(
 
 
 def _problem_lines(run: Run) -> list[str]:
-    """Return rows that were not scored, costs, and each invalid or failed episode with why."""
+    """Return costs, and each invalid or failed episode with why."""
     usage = "" if run.config.get("kind") == RESULTS else costs.usage_line(run.records)
-    lines = [*unscored_lines(run), *([usage] if usage else [])]
+    lines = [usage] if usage else []
     for record in run.failures:
         problem = f"{record['status']}: {record.get('id')}: {record.get('problem')}"
         lines.append(formatting.shorten(problem))

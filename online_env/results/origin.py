@@ -11,14 +11,15 @@ import subprocess
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from hijack_data.file_io import unwritable
 from hijack_data.runs.run_head import config_digest
-from hijack_data.runs.run_log import SESSIONS
+from hijack_data.runs.run_log import RECORDS, RUN, SESSIONS
 
 RunOrigin: TypeAlias = dict[str, Any]
 GIT_TIMEOUT_S = 10.0  # s
+COMMIT_CHARS = 8  # of a commit in a sentence
 _GROUP_LIMIT = Path("/sys/fs/cgroup/memory.max")
 _GROUP_USE = Path("/sys/fs/cgroup/memory.current")
 
@@ -142,19 +143,46 @@ def other_code(head: Mapping[str, Any], origin: Mapping[str, Any]) -> str:
         head: The content of its `run.json`.
         origin: The present origin, from `describe`.
     """
-    commit_before = _library_commit(head)
-    commit_now = _library_commit(origin)
+    commit_before = _library_state(head, "commit")
+    commit_now = _library_state(origin, "commit")
     if commit_before == commit_now:
         return ""
     return f"was begun with commit {commit_before} of agenthijack, this is {commit_now}"
 
 
-def _library_commit(origin: Mapping[str, Any]) -> object:
-    """Return the commit of this library in an origin; `None` if it has none."""
+def _library_state(origin: Mapping[str, Any], name: str) -> object:
+    """Return `commit` or `dirty` of this library in an origin; `None` if it has none."""
     value: object = origin
-    for key in ("git", "agenthijack", "commit"):
+    for key in ("git", "agenthijack", name):
         value = value.get(key) if isinstance(value, dict) else None
     return value
+
+
+def library_commits(folder: Path) -> list[tuple[int, str]]:
+    """Return with which commits of this library the records of a run were made.
+
+    Args:
+        folder: Of the run, which has a readable head.
+
+    Returns:
+        How many records were there before, and the commit, in their order; a commit that follows on
+        itself is there once, one under which nothing was recorded is not.
+    """
+    head: Mapping[str, Any] = json.loads((folder / RUN).read_bytes())
+    starts = [(0, head), *((session.get("records"), session) for session in sessions(folder))]
+    known = [(start, _commit_text(origin)) for start, origin in starts if isinstance(start, int)]
+    ends = [start for start, _ in known[1:]] + [sum(map(bool, _lines(folder / RECORDS)))]
+    commits: list[tuple[int, str]] = []
+    for (start, commit), end in zip(known, ends, strict=True):
+        if start < end and (not commits or commits[-1][1] != commit):
+            commits.append((start, commit))
+    return commits
+
+
+def _commit_text(origin: Mapping[str, Any]) -> str:
+    commit = _library_state(origin, "commit")
+    short = str(commit)[:COMMIT_CHARS] if commit else "an unknown commit"
+    return f"{short} with uncommitted changes" if _library_state(origin, "dirty") else short
 
 
 def add_session(folder: Path, origin: Mapping[str, Any], record_count: int) -> None:
@@ -185,5 +213,7 @@ def sessions(folder: Path) -> list[RunOrigin]:
     origins: list[RunOrigin] = []
     for line in _lines(folder / SESSIONS):
         with contextlib.suppress(ValueError):
-            origins.append(json.loads(line))
+            session: object = json.loads(line)
+            if isinstance(session, dict):
+                origins.append(cast("RunOrigin", session))
     return origins

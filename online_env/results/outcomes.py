@@ -350,7 +350,7 @@ def parse_columns(text: str) -> dict[str, str]:
     """Return the columns in `task=ID,score=reward`, by field.
 
     Raises:
-        OutcomeError: it has another form, or a field is unknown.
+        OutcomeError: it has another form, or a field is unknown or there twice.
     """
     columns: dict[str, str] = {}
     for part in filter(None, text.split(",")):
@@ -359,6 +359,8 @@ def parse_columns(text: str) -> dict[str, str]:
             raise OutcomeError(f"--columns: no field {field!r}{suggest(field, FIELDS)}")
         if not sign or not column:
             raise OutcomeError(f"--columns: {part!r} is not FIELD=COLUMN, such as task=task_id")
+        if field in columns:
+            raise OutcomeError(f"--columns: names the {field} twice: {text!r}; remove one")
         columns[field] = column
     return columns
 

@@ -25,6 +25,7 @@ from hijack_data.runs.run_log import (
 from hijack_data.surrogates import has_half
 
 from .episode_columns import EpisodeColumns
+from .log_config import read_log_config
 from .record_score import ResultRecord, first_id
 
 STATUSES = ("ok", "invalid", "error")
@@ -252,7 +253,11 @@ def read_head(folder: Path) -> dict[str, Any]:
 
 
 def _read_episodes(folder: Path) -> Run:
-    """Read the records of all episodes that ended, in the order of their ids."""
+    """Read the records of all episodes that ended, in the order of their ids.
+
+    Raises:
+        RunError: The episodes were not played under one setting.
+    """
     records: list[ResultRecord] = []
     damaged: list[Damage] = []
     for path in sorted((folder / EPISODES).glob(f"*/{EPISODE}")):
@@ -265,7 +270,11 @@ def _read_episodes(folder: Path) -> Run:
         else:
             continue
         damaged.append(Damage(1, problem, str(path.relative_to(folder))))
-    return Run(folder=folder, records=_by_attempt(records), damaged=damaged)
+    try:
+        config = read_log_config(records)
+    except HijackError as error:
+        raise RunError(f"{folder}: {error}") from None
+    return Run(folder=folder, config=config, records=_by_attempt(records), damaged=damaged)
 
 
 def _by_attempt(records: Sequence[ResultRecord]) -> list[ResultRecord]:

@@ -25,6 +25,7 @@ class TaskRetention:
         episodes: how many have a score.
         missing: ids of episodes without one, which count as lost: 1 clean, 0 corrupted.
         repeats: whether a task has several conditions or seeds.
+        unshared: how many rows of a dataset not every condition has; they count for nothing.
     """
 
     tasks: tuple[str, ...]
@@ -33,6 +34,7 @@ class TaskRetention:
     episodes: int
     missing: tuple[str, ...]
     repeats: bool
+    unshared: int = 0
 
     @property
     def is_binary(self) -> bool:
@@ -68,6 +70,7 @@ def score_tasks(
     positions: dict[str, int] = {}
     seeds: dict[tuple[Any, int], None] = {}
     cases: dict[tuple[str, tuple[Any, int]], scores.PairKey] = {}
+    unshared = 0
     for record in agent_records:
         name = scores.task_name(record["task"], record.get("task_seed"))
         repeat = record.get("task_seed"), record["seed"]
@@ -77,6 +80,7 @@ def score_tasks(
     if any(isinstance(variant, str) for variant, _ in seeds):  # steps of a recording, not repeats
         last = [groups.last.get((agent, label), {}) for label in labels]
         grid = [key for key, case in cases.items() if all(case in cell for cell in last)]
+        unshared = len(cases) - len(grid)
         positions = {name: index for index, name in enumerate(dict.fromkeys(n for n, _ in grid))}
     else:
         grid = [(name, repeat) for name in positions for repeat in seeds]
@@ -104,4 +108,5 @@ def score_tasks(
         episodes=len(grid) * len(labels) - len(missing),
         missing=tuple(missing),
         repeats=len(weights) > 1 or len(grid) > len(positions),
+        unshared=unshared,
     )

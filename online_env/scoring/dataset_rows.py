@@ -6,9 +6,11 @@
 import hashlib
 import importlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
+
+import yaml
 
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.types import UInt8Array
@@ -32,6 +34,8 @@ class RowFeed(Protocol):
 
     folder: Path  # where they are, for messages
     content: str  # names what the rows are: 64 hexadecimal digits
+    # What stands in a configuration for each label, as far as a configuration can hold it.
+    entries: Mapping[str, Any]
 
     def heads(self) -> Iterator[tuple[str, RowData]]:
         """Yield the split and the light columns of each row, in order."""
@@ -55,6 +59,10 @@ class DatasetRows:
         self._dataset: Any = self._opening.open_dataset(folder)
         self.folder = folder
         self.content: str = self._dataset.fingerprint
+        config: str | None = self._dataset.manifest["config"]
+        self.entries: Mapping[str, Any] = (
+            {} if config is None else entries_by_label(yaml.safe_load(config))
+        )
         self._data: bytes | None = None  # of the picture that the rows of a step share
         self._base: UInt8Array | None = None
 
@@ -123,6 +131,7 @@ class ExportedRows:
         self._pictures = pictures
         self._head = [*_EXPORT_HEAD, *(["reminder"] if table == "reminders" else [])]
         self.content = hashlib.sha256((folder / EXPORT).read_bytes()).hexdigest()
+        self.entries: Mapping[str, Any] = {}  # an export does not say
 
     def heads(self) -> Iterator[tuple[str, RowData]]:
         """Yield the split and the light columns of each row; see `RowFeed.heads`."""
@@ -144,6 +153,15 @@ class ExportedRows:
         except HijackError as error:
             raise DamagedRowError(str(error)) from error
         return row
+
+
+def entries_by_label(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the entries of a configuration's corruptions, each with all parameters, by label."""
+    entries: dict[str, Any] = {}
+    for entry in config["corruptions"]:
+        ((name, settings),) = entry.items()
+        entries[settings.get("as", name)] = entry
+    return entries
 
 
 def is_export(folder: Path) -> bool:

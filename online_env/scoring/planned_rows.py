@@ -3,14 +3,17 @@
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
+import yaml
+
+from hijack_data.config import dump
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 from hijack_data.samples import SamplePlanner
 
-from .dataset_rows import DamagedRowError, DatasetRows, RowData
+from .dataset_rows import DamagedRowError, DatasetRows, RowData, entries_by_label
 
 # Trajectories by turns: those that a search uses, and those on which it is confirmed.
 RowPart: TypeAlias = Literal["all", "search", "held_out"]
@@ -45,6 +48,10 @@ class PlannedRows:
         self._rows = DatasetRows(folder)
         self.folder = folder
         self.content = self._rows.content
+        corrupting = {label: planner for label, planner in planners.items() if planner is not None}
+        self.entries: Mapping[str, Any] = (
+            entries_by_label(yaml.safe_load(dump(corrupting))) if corrupting else {}
+        )
         self._seed = seed
         self._labels = list(planners)
         self._planners = {

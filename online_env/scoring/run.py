@@ -94,6 +94,7 @@ class ScoreRun:
         self.settings = settings
         feed = open_feed(settings.dataset, settings.question, settings.plans)
         self._content = feed.content
+        self._entries = feed.entries
         self.cases: CaseList = select_cases(feed, settings.question, settings.selection)
         for agent in settings.agents:
             _check_agent(agent, settings.question)
@@ -129,7 +130,7 @@ class ScoreRun:
             "content": self._content,
             "question": settings.question,
             "agents": list(settings.agents),
-            "corruptions": list(self.cases.labels),
+            "corruptions": [self._entries.get(label, label) for label in self.cases.labels],
             "seeds": seeds,
             "split": settings.selection.split,
             "limit": settings.selection.limit,

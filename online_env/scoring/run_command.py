@@ -52,9 +52,14 @@ def run_command(
         SystemExit: With the exit code, once the run is over.
         UsageError: `out` is missing.
     """
+    agents = override(Bench(), agent=agent).agents
+    plan_set = None if plans is None else read_plan_set(plans)
+    notice = "" if plan_set is None else plan_set.selection_notice(agents)
+    if notice:
+        echo(f"hijack: {plans}: {notice}", err=True)
     settings = ScoreSettings(
         dataset=dataset,
-        agents=override(Bench(), agent=agent).agents,
+        agents=agents,
         question=choose_question(dataset, ask),
         selection=Selection(corruptions=_labels(corruptions), split=split, limit=limit),
         near=Distance.parse(distance),
@@ -64,7 +69,7 @@ def run_command(
         guard=find_guard(guard) if guard else "",
         in_process=in_process,
         agent_memory=agent_memory or 0.0,
-        plans=None if plans is None else _row_plans(read_plan_set(plans)),
+        plans=None if plan_set is None else _row_plans(plan_set),
     )
     run = ScoreRun(settings)
     if dry_run:

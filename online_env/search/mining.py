@@ -115,7 +115,7 @@ def write_groups(folder: Path, out: Path) -> None:
         raise ReportError(f"{folder}: holds no live episodes, which causes need (hijack bench)")
     if out.exists() and any(out.iterdir()):
         raise ReportError(f"{out}: is not empty; give --out a new folder")
-    if "corruptions" not in run.config:
+    if "tasks" not in run.config:
         raise ReportError(f"{folder}: is the log of an environment, and says not what was played")
     planners = read_planners(run.config["corruptions"])
     counts, episodes = find_lost(run, group_records(run.records))

@@ -90,7 +90,10 @@ class EpisodeDraws:
         # decides which corruption a rollout meets, here as in training.
         sampler = importlib.import_module("pipelines.train.sampler")
         self._sampler: Any = sampler.CorruptionSampler(
-            _drawn_from(self.planners, clean), per=per, seed=seed
+            _drawn_from(self.planners, clean),
+            per=per,
+            seed=seed,
+            conditions=_corrupting(self.planners),
         )
         self._seed = seed
         self._labels = {id(planner): label for label, planner in self.planners.items()}
@@ -150,7 +153,7 @@ class EpisodeDraws:
             seed=checked,
             slot=checked_slot,
             # The sampler knows corruptions by their own names, the configuration may give others.
-            label=self._labels.get(id(draw.planner), str(draw.label)),
+            label=CLEAN if draw.planner is None else self._labels[id(draw.planner)],
             planner=draw.planner,
             key=draw.key,
         )
@@ -212,7 +215,7 @@ def _drawn_from(planners: Mapping[str, Planner | None], clean: float | None) -> 
     Raises:
         ParameterError: `clean` does not fit the corruptions.
     """
-    options = [planner for planner in planners.values() if planner is not None]
+    options = _corrupting(planners)
     if not planners:
         raise ParameterError("no corruption is left to draw: name some with --corruptions")
     if clean is not None and clean > 0 and CLEAN not in planners:
@@ -222,6 +225,11 @@ def _drawn_from(planners: Mapping[str, Planner | None], clean: float | None) -> 
     if clean is None:
         clean = 1 / len(planners) if CLEAN in planners else 0.0
     return OneOf(options, p_clean=clean)
+
+
+def _corrupting(planners: Mapping[str, Planner | None]) -> list[Planner]:
+    """Return the conditions without the clean one."""
+    return [planner for planner in planners.values() if planner is not None]
 
 
 def _checked_slot(slot: object) -> int | None:

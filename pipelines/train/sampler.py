@@ -4,6 +4,7 @@ The draws come from `hijack_data.rng` and depend only on the seed, the step, the
 so a resumed run and another process draw the same.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -42,11 +43,13 @@ class CorruptionSampler:
 
     Args:
         planner: a corruption (every rollout gets it), a `OneOf` with its odds, a `Schedule` of
-            those by epoch, or `None` for clean rollouts, which makes DA-GRPO the same as GRPO.
+            those by epoch, or `None` for clean rollouts, which makes DA-GRPO the same as GRPO. A
+            `OneOf` with `max_times` draws at the steps of an episode, so a rollout gets it whole.
         per: `"rollout"` draws for each rollout, as in the paper; `"group"` gives the rollouts of a
             group one corruption; `"worker"` gives every slot one for the whole run, as the authors'
             code does.
         seed: 0 to 2**64 - 1.
+        conditions: those of the planners that a rollout gets whole, although they draw themselves.
 
     Raises:
         UnknownNameError: `per` is not one of the three.
@@ -54,13 +57,21 @@ class CorruptionSampler:
         ParameterError: `seed` is out of its range.
     """
 
-    def __init__(self, planner: Planner | None, *, per: str = "rollout", seed: int = 0) -> None:
+    def __init__(
+        self,
+        planner: Planner | None,
+        *,
+        per: str = "rollout",
+        seed: int = 0,
+        conditions: Iterable[Planner] = (),
+    ) -> None:
         if per not in SCOPES:
             raise UnknownNameError(f"per: no {per!r}{suggest(per, SCOPES)}")
         requirement = "CorruptionSampler takes a corruption, a OneOf or None"
         self.planner = None if planner is None else as_planner(planner, requirement)
         self.per = per
         self.seed = as_seed(seed)
+        self._conditions = frozenset(map(id, conditions))
 
     def draw(self, *, step: int, group: str, slot: int, epoch: int = 0) -> Draw:
         """Return the corruption of a rollout.
@@ -74,7 +85,7 @@ class CorruptionSampler:
         key, at = self._key(step, group, slot)
         planner = self.planner
         sample: str = key
-        while isinstance(planner, OneOf | Schedule):
+        while isinstance(planner, OneOf | Schedule) and not self._is_whole(planner):
             choice = planner.choose(seed=self.seed, sample=sample, step=at, epoch=epoch)
             if choice is None:
                 planner = None
@@ -82,6 +93,10 @@ class CorruptionSampler:
             planner, sample = choice
         label = CLEAN if planner is None else planner.label
         return Draw(label=label, planner=planner, key=f"{at}:{key}")
+
+    def _is_whole(self, planner: Planner) -> bool:
+        """Return whether a rollout gets a planner as it is, and not what it draws."""
+        return id(planner) in self._conditions or getattr(planner, "max_times", None) is not None
 
     def _key(self, step: int, group: str, slot: int) -> tuple[str, int]:
         """Return the sample id and the step of the draw."""

@@ -322,7 +322,7 @@ class Broken:
 def test_words_and_tracebacks_are_kept_where_the_agent_left_them(tmp_path):
     env, _ = make(log=tmp_path)
     agent = Broken()
-    record = play(env, agent, JOB, 0, None)
+    record = play(env, agent, Job("oracle", "write_note", "clean", 0), 0, None)
     assert len(agent.threads) == 1, "one thread, which libraries may tie themselves to"
     assert threading.get_ident() not in agent.threads
     assert (record["status"], record["score"], record["cause"]) == ("error", None, "agent")

@@ -291,6 +291,9 @@ def test_corruptions_at_several_severities():
         "m_s5": hj.Marks.at(5),
         "lock": hj.Verification(),
     }
+    idle = override(bench, corruption="clean,verification")
+    with pytest.raises(ParameterError, match=r"no corruption of the run has levels \(clean, ver"):
+        at_severities(idle, "1-5")
     assert at_severities(bench, None) is bench
     for text in ("0-3", "1,1", "4-2", "harsh", ""):
         with pytest.raises(ParameterError, match=r"levels of 1 to 5, such as 1-5"):

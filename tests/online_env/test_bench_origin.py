@@ -20,7 +20,8 @@ from online_env.bench import episodes, providers, runner
 from online_env.bench.episodes import lost_record
 from online_env.bench.jobs import attempts
 from online_env.errors import DesktopError, DesktopTimeoutError, MissingPackageError
-from online_env.results import origin, records
+from online_env.report.notes import commit_note
+from online_env.results import origin, reading, records
 from online_env.results.records import RunError
 from pipelines.proof.rebuild import rebuild
 
@@ -137,6 +138,28 @@ def test_a_run_keeps_where_it_was_begun_and_each_session_after_it(tmp_path):
     assert result[0]["versions"] == records.versions()
     assert result[0]["machine"] == first["machine"]
     assert rebuild(folder).problems == []
+
+
+def test_the_commits_that_played_the_episodes_are_told(tmp_path):
+    """A resume that recorded nothing is none, nor is one with the same commit."""
+    folder = tmp_path / "run"
+    records.create(folder, config(), IDS, code("a" * 40)).release()
+    records.append_all(folder, [{"id": name} for name in IDS[:3]])
+    for commit, count in (("a", 1), ("b", 2), ("c", 3), ("c", 3)):
+        origin.add_session(folder, code(commit * 40, dirty=commit == "b"), count)
+    assert origin.library_commits(folder) == [
+        (0, "aaaaaaaa"),
+        (2, "bbbbbbbb with uncommitted changes"),
+    ]
+    (note,) = commit_note(reading.Run(folder=folder))
+    assert "played the episodes: aaaaaaaa, bbbbbbbb with uncommitted changes after 2;" in note
+    (folder / "sessions.jsonl").unlink()
+    assert not list(commit_note(reading.Run(folder=folder)))
+
+
+def code(commit, *, dirty=False):
+    """The origin of a session, as far as it names the code."""
+    return {"git": {"agenthijack": {"commit": commit, "dirty": dirty}, "folder": None}}
 
 
 def test_other_code_is_named():

@@ -67,6 +67,13 @@ def test_samples_are_actions():
         ({"corrupton": "subtitle"}, UnknownNameError, "did you mean 'corruption'"),
         ({"corruption": hj.Subtitle(font_size=400)}, ParameterError, "does not fit"),
         ({"label": ""}, ParameterTypeError, "label must be a non-empty string"),
+        (
+            {"corruption": hj.Marks(), "label": "clean"},
+            ParameterError,
+            "another condition than marks",
+        ),
+        ({"corruption": None, "label": "marks"}, ParameterError, "another condition than clean"),
+        ({"corruption": "marks", "label": "pop_ups"}, ParameterError, "choose another label"),
         ({"attempt": -1}, ParameterTypeError, "attempt must be an integer"),
     ],
 )

@@ -16,6 +16,7 @@ from PIL import Image
 
 from hijack_data.cli import main
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
+from online_env.agents.agent_calls import method_names
 from online_env.agents.chat.onlooker import CHECK
 from online_env.agents.guarded import Guarded, Notice, joint_usage
 from online_env.agents.guards import check_guard, find_guard, make_onlooker
@@ -206,6 +207,21 @@ def test_a_model_looks_on_and_its_words_reach_any_agent(tmp_path):
     )
     assert CLICK in json.dumps(endpoint.asked[-1])
     assert guarded.usage["requests"] == guarded.usage["guard"]["requests"] == 3
+
+
+def test_no_row_is_answered_past_the_guard():
+    """An agent that answers rows by the batch did so, unguarded."""
+
+    class Batched:
+        def predict(self, instruction, obs):
+            return "", [CLICK]
+
+        def predict_batch(self, instructions, pictures):
+            return [("", [CLICK])] * len(pictures)
+
+    guarded = Guarded(Batched(), RulesOnlooker())
+    assert "predict_batch" in method_names(Batched())
+    assert "predict_batch" not in method_names(guarded)
 
 
 def test_a_cost_that_one_of_the_two_does_not_know_is_not_known():

@@ -18,8 +18,10 @@ pytest.importorskip("lxml", reason="needs the extra [online]")
 pytest.importorskip("inspect_ai", reason="needs the extra [inspect]")
 
 import inspect_ai
+from inspect_ai._util.registry import registry_info
 from inspect_ai.log import read_eval_log
 from inspect_ai.model import ModelOutput, ModelUsage, get_model
+from inspect_ai.scorer import SampleScore, Score
 
 import hijack_data as hj
 from hijack_data.errors import ConfigError, MissingDependencyError, ParameterError, UnknownNameError
@@ -130,6 +132,18 @@ def test_an_episode_is_a_sample_and_its_score_is_that_of_the_benchmark(tmp_path)
     words = str([m.text for messages in requests for m in messages])
     assert "Click the dark square." in words
     assert not [name for name in (*entries, "corrupt", "write_note") if name in words]
+
+
+def test_the_standard_error_takes_each_task_as_one_case():
+    """Eight samples of a task that end alike say no more than one."""
+    [task_score] = inspect_task(benchmark()).scorer
+    *_, stderr = registry_info(task_score).metadata["metrics"]
+    scores = [
+        SampleScore(score=Score(value=value), sample_metadata={"task": task, "seed": seed})
+        for task, value in (("solved", 1.0), ("lost", 0.0))
+        for seed in range(8)
+    ]
+    assert stderr(scores) == pytest.approx(0.5)
 
 
 def test_what_is_not_proved_is_unscored_and_what_breaks_is_errored(tmp_path):
@@ -340,6 +354,10 @@ def test_a_configuration_is_chosen_from(tmp_path):
         bench("osworld")
     with pytest.raises(ParameterError, match="guard 'rules' watches agents of hijack bench"):
         inspect_task(benchmark(guard="rules"))
+    with pytest.raises(
+        ParameterError, match="episode_timeout: 60 is kept by hijack bench, and not"
+    ):
+        inspect_task(benchmark(episode_timeout=60))
 
 
 def test_inspect_finds_the_tasks_in_an_installed_package(tmp_path):

@@ -32,8 +32,8 @@ from support.recorded import AGENT, PLANNERS, Episodes, Silent, Straw, config, n
 from support.reported import made, read_run, scored
 
 
-def certificate_of(folder, found, **options):
-    return certify(read_run(folder, found), **options)
+def certificate_of(folder, found, **config):
+    return certify(read_run(folder, found, **config))
 
 
 def two_conditions(clean, marks, **more):
@@ -147,6 +147,36 @@ def command(*words):
     with pytest.raises(SystemExit) as ended:
         main(list(map(str, words)))
     return ended.value.code
+
+
+def test_the_statement_says_what_helped_the_agent_and_what_was_left_out(tmp_path):
+    """A guarded agent was certified under the name that it has without a guard."""
+    items = two_conditions([1.0] * 14, [1.0] * 14)
+    alone = certificate_of(tmp_path / "alone", items).statement
+    assert alone.startswith("a keeps at least 80.73 % ")
+    assert alone.endswith("over marks (14 tasks)")
+    for record in items:
+        record["given"] = ["plan"]
+    run = read_run(tmp_path / "run", items, guard="rules", unplayable={"t": {}, "u": {}})
+    statement = certify(run).statement
+    assert statement.startswith("a (given the task's plan in words, watched by the guard rules) ke")
+    assert statement.endswith("over marks (14 tasks, without 2 that could not be played)")
+
+
+def test_the_statement_counts_the_rows_that_not_every_condition_has(tmp_path):
+    """A corruption that a build could not place on half of the rows was certified as if it had."""
+    items = [
+        made("a", f"t{number}", label, id=f"{number}{label}", task_seed="0003")
+        for number in range(20)
+        for label in ("clean", "marks")
+        if label == "clean" or number < 14
+    ]
+    certificate = certificate_of(tmp_path / "run", items, kind="score")
+    (entry,) = certificate.distribution
+    assert (entry.corruption, entry.severity) == (None, None), "its parameters are not known"
+    assert certificate.statement.endswith(
+        "over marks (14 tasks, without 6 rows that not every condition has)"
+    )
 
 
 def test_results_of_others_are_certified_once_their_conditions_are_declared(tmp_path, capsys):

@@ -9,14 +9,20 @@ from lxml import etree
 
 pytest.importorskip("scipy", reason="needs the extra [online]")
 
+
 from hijack_data.cli import main
+from hijack_data.corruption import make_corruption
+from hijack_data.runs.run_planners import dump_planner
 from online_env.report import ReportError, build_report, formats
+from online_env.report.certificate import certify
 from online_env.report.comparison import compare_runs
 from online_env.report.document import ReportDocument
 from online_env.report.paper import compare_with_paper, paper_table
-from online_env.results import scores
+from online_env.results import reading, scores
 
 from support.reported import CONDITIONS, made, read_run, run_of, scored, whole
+
+MARKS = "corruptions:\n- marks:\n    number: 3\n"
 
 
 def hijack(capsys, *words):
@@ -42,6 +48,78 @@ def log(tmp_path):
 def two(tmp_path):
     """The folders of two runs with the same cases."""
     return [run_of(tmp_path / name, scored("a", "clean", [1, 0])) for name in ("old", "new")]
+
+
+# Logs of environments
+
+
+def rewrite(log, name, **changes):
+    """Change the record of an episode of a log."""
+    path = log / "episodes" / name / "episode.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **changes}))
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"params": {"number": 9, "size": 2}}, "'marks' is {'number': 3} in t0-0__marks__s0__mine"),
+        ({"planner": MARKS.replace("3", "9")}, "env.reset(options={'corruption': ..., 'label':"),
+        ({"max_steps": 40}, "max_steps is 15 in t0-0__clean__s0__mine and 40 in t2-0__marks__s0"),
+        ({"recovery": {"policy": "reset"}}, "recovery is 'none' in"),
+        ({"desktop": {"size": [640, 480]}}, "the size of the screen is [1920, 1080] in"),
+        ({"planner": "marks"}, "planner 'marks' of 'marks' is no configuration"),
+    ],
+)
+def test_a_log_of_several_settings_is_refused(changes, said, log, capsys):
+    """One label or task that was played in two ways was pooled, or the later hid the earlier."""
+    for path in (log / "episodes").iterdir():
+        settings = {"max_steps": 15, "recovery": {"policy": "none"}, "allow_code": False}
+        rewrite(log, path.name, **settings, desktop={"size": [1920, 1080]})
+        if "marks" in path.name and changes != {"planner": "marks"}:
+            rewrite(log, path.name, params={"number": 3, "size": 2}, planner=MARKS)
+    assert hijack(capsys, "report", log)[0] == 0
+    rewrite(log, "t2-0__marks__s0__mine", **changes)
+    code, _, err = hijack(capsys, "report", log)
+    assert (code, said in err) == (2, True), err
+
+
+def test_what_the_records_of_a_log_tell_is_in_its_report(log):
+    """Parameters, episodes that ended too early and the policy were taken for those of nothing."""
+    for number in range(4):
+        corruption = make_corruption("missed_input", step=2)
+        rewrite(
+            log,
+            f"t{number}-0__marks__s0__mine",
+            corruption="late",
+            recovery={"policy": "repair"},
+            params=corruption.params(),
+            planner=dump_planner(corruption),
+        )
+    report = build_report(reading.read(log))
+    assert report.run.corruptions == {"late": "missed_input"}
+    assert report.run.settings["late"] == {"step": 2}
+    assert (report.run.recovery, report.run.early) == ("repair", 4)
+    certificate = certify(reading.read(log))
+    (entry,) = certificate.distribution
+    assert (entry.corruption, entry.parameters["step"]) == ("missed_input", 2)
+
+
+def test_a_certificate_of_a_log_claims_no_parameters_that_nothing_tells(log):
+    (entry,) = certify(reading.read(log)).distribution
+    assert (entry.condition, entry.corruption, entry.severity) == ("marks", None, None)
+
+
+def test_a_score_that_a_later_attempt_replaces_is_told(log):
+    """An environment counts attempts at a case: a second one replaced the first without a word."""
+    again = made("mine", "t1", "marks", 1.0, attempt=1, id="t1-0__marks__s0__mine__a1")
+    (log / "episodes" / again["id"]).mkdir()
+    (log / "episodes" / again["id"] / "episode.json").write_text(json.dumps(again))
+    report = build_report(reading.read(log))
+    assert report.cell("mine", "marks").success == 0.5
+    assert any(
+        "1 episode with a score left out" in note and "(mine under marks 1)" in note
+        for note in report.notes
+    )
 
 
 # Gates

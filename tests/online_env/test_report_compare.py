@@ -87,6 +87,30 @@ def test_all_that_differs_between_two_runs_is_named(tmp_path):
     assert "other with 9.0: tasks and corruptions may have changed." in "\n".join(notes)
 
 
+def test_cases_of_one_name_that_ask_for_something_else_are_counted(tmp_path):
+    """A task whose wording changed between two commits was paired without a word."""
+    items = scored("a", "marks", [1, 0, 1])
+    folders = []
+    for name, text in (("old", "Save it."), ("new", "Save and close it.")):
+        records = [{**record, "instruction": "Quit."} for record in items]
+        records[1]["instruction"] = text
+        folders.append(run_of(tmp_path / name, records))
+    for folder in folders:
+        head = json.loads((folder / "run.json").read_text())
+        head["git"] = {"agenthijack": {"commit": folder.name * 9, "dirty": False}}
+        (folder / "run.json").write_text(json.dumps(head))
+    notes = compare_runs(*map(read, folders)).notes
+    assert (
+        "1 case had another instruction in old than in new (t1-0): what differs may be the task,"
+        " not the agent." in notes
+    )
+    assert any(
+        "old was played by commit oldoldol of agenthijack, new by newnewne" in n for n in notes
+    )
+    same = compare_runs(read(folders[0]), read(folders[0])).notes
+    assert not any("instruction" in note or "commit" in note for note in same)
+
+
 def test_notes_name_runs_and_not_where_they_lie(tmp_path):
     run = read_run(tmp_path / "old", [*scored("a", "clean", [1, 0]), *scored("b", "clean", [1])])
     second = read_run(tmp_path / "new", scored("a", "clean", [1]))
@@ -216,6 +240,13 @@ def test_whatever_decides_scores_is_a_setting_of_its_own(runs, changed):
         ["oracle", "strong", "weak"],
         ["other"],
     ]
+
+
+def test_a_board_names_the_guard_of_a_setting(runs):
+    """A guarded agent stood under the title and the name that it has without a guard."""
+    run_of(runs / "c", whole("strong", dict.fromkeys(CONDITIONS, 9)), guard="rules")
+    titles = [board.title for board in rank_agents(read_reports(runs))]
+    assert titles == ["small", "small, guard rules"]
 
 
 def test_a_run_that_ended_at_its_bound_is_a_setting_with_its_tasks(tmp_path):

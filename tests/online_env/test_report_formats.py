@@ -5,6 +5,7 @@ import io
 import json
 import math
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pytest
@@ -159,6 +160,20 @@ def test_every_form_says_who_asked_for_recovery(tmp_path, capsys):
     assert "Recovery policy: repair." in out
 
 
+def test_a_report_says_where_the_network_was_cut_later_than_in_the_paper(tmp_path):
+    """The order decides what network_error costs, and was in run.json alone."""
+    records = [
+        *(r | {"environment_errors": "after_setup"} for r in scored("a", "network_error", [1, 0])),
+        *(r | {"environment_errors": "before_setup"} for r in scored("b", "network_error", [1, 0])),
+        *(r | {"environment_errors": None} for r in scored("a", "clean", [1, 0])),
+    ]
+    notes = build_report(read_run(tmp_path / "run", records)).notes
+    output = "In 2 episodes the network was cut after the task had been set up (network_error 2)"
+    assert any(output in note for note in notes)
+    early = read_run(tmp_path / "early", [r for r in records if r["agent"] == "b"])
+    assert not any("network was cut" in note for note in build_report(early).notes)
+
+
 @pytest.mark.parametrize("form", ["terminal", "markdown", "html"])
 def test_every_form_says_why_there_is_no_mce(tmp_path, capsys, form):
     records = [
@@ -204,6 +219,25 @@ def test_what_is_published_of_a_run_says_what_is_missing(tmp_path):
     assert card["results"][0]["dataset"]["args"]["missing_episodes"] == 3
 
 
+def test_what_is_published_of_a_run_says_what_watched_its_agents_and_what_is_invalid(tmp_path):
+    """Both were in notes alone, which neither a table of LaTeX nor a model card has."""
+    invalid = made("mine", "t10", "marks") | {"status": "invalid", "score": None}
+    run = read_run(tmp_path / "run", [*whole("mine", dict.fromkeys(CONDITIONS, 5)), invalid])
+    plain = ReportDocument(report=build_report(run))
+    guarded = ReportDocument(
+        report=build_report(replace(run, config={**run.config, "guard": "rules"}))
+    )
+    assert guarded.report.run.guard == "rules"
+    table = formats.write(guarded, "latex")
+    assert "Every agent is watched by the guard rules. Without 1 invalid episode.}" in table
+    card = yaml.safe_load(formats.write(guarded, "model-index"))["model-index"][0]
+    arguments = card["results"][0]["dataset"]["args"]
+    assert (arguments["guard"], arguments["invalid_episodes"]) == ("rules", 1)
+    for format in ("latex", "model-index", "html"):
+        assert "guard" not in formats.write(plain, format), format
+    assert "<dt>guard</dt>" in formats.write(guarded, "html")
+
+
 def test_names_are_no_formulas_and_no_commands(tmp_path):
     names = ("=1+1", "@sum", "-2", "\tx", "[3pt]", "a&amp;b~~$x$#1", "two\n\nlines")
     values = [record for name in names for record in scored(name, "clean", [1, 0])]
@@ -238,6 +272,18 @@ def test_small_numbers_are_not_nothing(tmp_path):
     document = ReportDocument(report=build_report(read_run(tmp_path / "run", items)))
     assert " <0.001 " in formats.write(document, "terminal")
     assert " 0.000 " not in formats.write(document, "terminal")
+
+
+@pytest.mark.parametrize("words", [(), ("--json",), ("--format", "csv")])
+def test_a_finished_report_ends_with_the_code_of_its_run(tmp_path, capsys, words):
+    """It ended with 0, whatever its run lacked."""
+    invalid = made("mine", "t2", "marks") | {"status": "invalid", "score": None}
+    run = run_of(tmp_path / "run", [*scored("mine", "marks", [1, 0]), invalid])
+    whole_run = run_of(tmp_path / "whole", scored("mine", "marks", [1, 0]))
+    for folder, expected in ((run, 1), (whole_run, 0)):
+        file = tmp_path / f"{folder.name}.report.json"
+        assert hijack(capsys, "report", folder, "-o", file)[0] == expected
+        assert hijack(capsys, "report", file, *words)[0] == expected
 
 
 def test_the_rows_of_a_finished_report_are_those_of_its_run(folder, capsys, tmp_path):

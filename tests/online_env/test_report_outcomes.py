@@ -551,6 +551,7 @@ def test_runs_of_this_library_are_reported_alone(tmp_path, capsys):
         ([folder, "--clean", "none"], "is a run of this library, which --clean is not for"),
         ([folder.parent], f"is not the folder of a run; give {report}"),
         ([table, "--columns", "taks=id"], "no field 'taks'; did you mean 'task'?"),
+        ([table, "--columns", "task=id,task=name"], "names the task twice"),
         ([table, "--from", "osword"], "no reader 'osword'; did you mean 'osworld'?"),
         ([table, "--clean", "mark"], "no condition 'mark'; did you mean 'marks'?"),
     ):

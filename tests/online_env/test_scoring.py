@@ -14,10 +14,12 @@ import pytest
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 pytest.importorskip("pyarrow", reason="needs the extra [hf]")
 
+import hijack_data as hj
 from hijack_data.errors import HijackError, ParameterError
 from hijack_data.locking import LockedError
 from online_env.bench.config import Bench, override
 from online_env.errors import AgentSetupError
+from online_env.report.build import build_report
 from online_env.results import origin, records
 from online_env.results.parts import part_rows
 from online_env.results.reading import RunError
@@ -264,6 +266,19 @@ def test_a_run_keeps_where_it_was_scored_and_what_agents_were_given(clicks, tmp_
     ScoreRun(settings).begin(out, True, message.append).release()
     assert "was begun with commit 0000" in message[0]
     assert [line["workers"] for line in origin.sessions(out)] == [1]
+
+
+def test_the_parameters_of_a_dataset_are_those_of_its_run(tmp_path):
+    """A label alone was verified as an unknown corruption, and certified as the default of one."""
+    planners = {"few": hj.Marks(number=3, mark_size=4), "marks": hj.Marks(number=5, mark_size=4)}
+    record_steps(tmp_path / "source", CLICKS)
+    build(tmp_path / "source", tmp_path / "built", corruptions=planners)
+    run = play_rows(settings_for(tmp_path / "built", "fail"), tmp_path / "run")[1]
+    report = build_report(run)
+    assert report.run.corruptions == {"clean": "clean", "few": "marks", "marks": "marks"}
+    assert report.run.changed == ("marks",)
+    assert report.run.settings["few"] == {"number": 3, "mark_size": 4}
+    assert rebuild(tmp_path / "run").problems == []
 
 
 def test_what_is_selected(tmp_path):

@@ -1,6 +1,7 @@
 """The numbers of a scoring run beside the success: parts of steps, reminders, words of summaries."""
 
 import io
+from dataclasses import replace
 
 import pytest
 
@@ -8,7 +9,9 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
 from rich.console import Console
 
-from online_env.report.parts_table import parts_table, unscored_lines
+from online_env.report.build import build_report
+from online_env.report.notes import unscored_note
+from online_env.report.parts_table import parts_table
 from online_env.results.parts import part_rows
 from online_env.results.reading import Run
 from online_env.scoring.onlookers import is_reminder, overlap
@@ -80,13 +83,12 @@ def test_precision_and_recall_are_over_all_corruptions_and_their_mean_is_f1():
 
 
 def printed_lines(records, **config):
-    """The lines that a scoring run has below the report."""
+    """The lines of the table that a scoring run has below the report."""
     stream = io.StringIO()
     run = Run(folder=None, config={"kind": "score", **config}, records=records)
     table = parts_table(run)
-    lines = [*([] if table is None else [table]), *unscored_lines(run)]
-    if lines:
-        Console(file=stream, width=120).print(*lines, sep="\n")
+    if table is not None:
+        Console(file=stream, width=120).print(table)
     return [" ".join(line.split()) for line in stream.getvalue().splitlines()]
 
 
@@ -108,13 +110,15 @@ def test_the_table_of_parts_has_the_order_of_the_configuration_and_names_as_they
     ]
 
 
-def test_below_the_table_stands_what_of_the_dataset_is_not_in_it():
-    record = made("a", "t0", question="summaries")
-    assert printed_lines([record], question="summaries", unscored=2, unpaired=3) == [
-        "2 rows have an action of no known type and are not scored",
-        "3 corrupted rows have no clean one: they are not in the delta",
-    ]
-    assert printed_lines([record], question="summaries", unscored=0, unpaired=0) == []
+def test_every_form_says_what_of_the_dataset_is_not_scored(tmp_path):
+    """It stood below the table of the terminal alone."""
+    records = [step(task, label) for task in ("t0", "t1") for label in ("clean", "marks")]
+    config = {"kind": "score", "question": "steps", "unscored": 2, "unchanged": 3}
+    run = Run(folder=tmp_path, config=config, records=records)
+    notes = build_report(run).notes
+    assert "Not scored: 2 rows with an action of no known type." in notes
+    assert "Not scored: 3 corrupted rows with the clean picture." in notes
+    assert not list(unscored_note(replace(run, config={**config, "unscored": 0, "unchanged": 0})))
 
 
 def test_a_row_that_failed_is_a_line_while_the_run_goes_on():

@@ -23,6 +23,7 @@ from online_env.bench.config import Bench, load_bench, override
 from online_env.bench.plan_set import Loss, PlanSet, PlanSetError, WorstPlan, read_plan_set
 from online_env.bench.providers import PROVIDERS
 from online_env.environment import Settle
+from online_env.errors import AgentSetupError
 from online_env.results import reading
 from online_env.scoring.dataset_rows import DatasetRows
 from online_env.scoring.planned_rows import PlannedRows
@@ -33,6 +34,7 @@ from online_env.search.space import SearchSpace
 from online_env.tasks import TASKS
 from pipelines import build, open_dataset
 
+from support.chatting import file
 from support.scoring import dataset as make_dataset
 from support.scoring import write_agents
 
@@ -157,7 +159,11 @@ def test_rows_are_searched_resumed_and_replayed(
     capsys.readouterr()
     out = tmp_path / "again"
     assert hijack("score", dataset, "--plans", worst, "--agent", agent, "-o", out, "--json") == 0
-    rows = {row["corruption"]: row for row in json.loads(capsys.readouterr().out) if "delta" in row}
+    printed = capsys.readouterr()
+    rows = {row["corruption"]: row for row in json.loads(printed.out) if "delta" in row}
+    assert f"it lost, in points: {plans[0].label} 100.0" in printed.err, (
+        "chosen on half of the rows"
+    )
     assert rows[plans[0].label]["delta"] == -1.0
     assert hijack("bench", "--plans", worst, "--dry-run") == 2
     assert "score it with hijack score" in capsys.readouterr().err
@@ -216,6 +222,15 @@ def test_a_live_search_confirms_on_later_seeds(tmp_path: Path, monkeypatch: Any)
     assert [record["score"] for record in rounds["confirmation"]].count(1.0) == 2, "clean again"
 
 
+def test_a_live_search_refuses_a_model_that_cannot_be_asked(tmp_path: Path) -> None:
+    """On one desktop each episode failed, clean and corrupted, and requests were not logged."""
+    model = file(tmp_path, "http://127.0.0.1:9", api_key_env="NO_SUCH_KEY")
+    bench = override(Bench(tasks=("write_note",)), agent=str(model))
+    player = players.LivePlayer(bench, tmp_path / "out", desktops=1)
+    with pytest.raises(AgentSetupError, match="NO_SUCH_KEY"):
+        player.losses("round-001", {"lost": hj.Marks()}, held_out=False)
+
+
 def test_planned_rows_are_those_of_a_build(dataset: Path, tmp_path: Path) -> None:
     planners = {"small": hj.Resolution(scale=0.5), "strewn": hj.Marks(number=40, mark_size=4)}
     build(tmp_path / "source", tmp_path / "built", corruptions=planners, seed=5)
@@ -245,7 +260,13 @@ def test_a_set_of_plans_is_a_closed_world(tmp_path: Path, capsys: Any) -> None:
     assert read_plan_set(path).plans[0].planner.to_config() == pair.to_config()
     assert plan.shrinkage == 0.5
     assert hijack("bench", "--plans", path, "--dry-run", "--agent", "do_nothing") == 0
-    assert capsys.readouterr().out.count("do_nothing  write_note") == 4, "2 seeds, clean and pair"
+    printed = capsys.readouterr()
+    assert printed.out.count("do_nothing  write_note") == 4, "2 seeds, clean and pair"
+    assert "partly luck" not in printed.err, "the pair was chosen for another agent"
+    assert hijack("bench", "--plans", path, "--dry-run") == 0
+    assert "did not use it lost, in points: t1_pair 50.0" in capsys.readouterr().err
+    assert hijack("bench", "--plans", path, "--dry-run", "--corruptions", "everyday") == 2
+    assert f"--corruptions names none of {path} (t1_pair)" in capsys.readouterr().err
     for agent, config, code, text in (
         ("do_nothing", (), 0, "do_nothing  write_note"),
         ("mine", (), 2, "was searched for the agent 'mine', which is not known here"),

@@ -382,6 +382,21 @@ def test_a_slot_of_the_client_draws_again_what_it_drew():
     ]
 
 
+def test_a_condition_that_draws_itself_is_served_whole_under_its_label():
+    """A trigger was drawn once: the fault came at every step, under its own name, or never."""
+    fault = hj.make_corruption("missed_input", step={"every": 1})
+    trigger = hj.OneOf([fault], p_clean=0.8)
+    planners = {
+        "now_and_then": trigger,
+        "marks": hj.Marks(number=1),
+        "mixed": hj.OneOf([hj.Marks()]),
+    }
+    for choice in choices(EpisodeDraws(TASKS, planners)):
+        assert choice.planner is planners[choice.label]
+    drawn = choices(EpisodeDraws(TASKS, {"clean": None, **planners}, clean=0.25), 400)
+    assert sum(c.label == "clean" for c in drawn) / 400 == pytest.approx(0.25, abs=0.08)
+
+
 @pytest.mark.parametrize("seed", [-1, 2**64])
 def test_a_seed_of_the_server_out_of_range_is_refused(seed):
     with pytest.raises(ParameterError, match=r"seed must be in \[0, 2\*\*64 - 1\]"):

@@ -15,6 +15,7 @@ from hijack_data.cli import hijack
 from hijack_data.errors import HijackError
 from hijack_data.runs import seal
 from hijack_data.runs.run_log import sha256_hex
+from online_env.results import origin
 from pipelines.proof.rebuild import rebuild
 
 from support.edited_runs import (
@@ -332,6 +333,20 @@ def test_an_edited_seal_is_no_longer_signed(run, keys):
     assert "is not a signature" in rebuild(run, f"{first_key}.pub").problems[0]
     (run / "seal.json.sig").unlink()
     assert rebuild(run).problems == ["seal.json.sig: is missing"]
+
+
+def test_the_sessions_of_a_resumed_run_are_sealed(run, keys):
+    """With another commit, or without the file, a signed run was one that had not been resumed."""
+    origin.add_session(run, origin.describe({}), 1)
+    seal.sign(run, str(keys[0]))
+    assert list(seal.problems(run, None)) == []
+    path = run / "sessions.jsonl"
+    content = path.read_bytes()
+    for edited in (content.replace(b'"dirty"', b'"Dirty"'), b""):
+        path.write_bytes(edited)
+        assert list(seal.problems(run, None)) == ["seal.json: the run is not what was sealed"]
+    path.unlink()
+    assert list(seal.problems(run, None)) == ["seal.json: the run is not what was sealed"]
 
 
 def test_what_is_not_whole_is_not_signed(run, keys, tmp_path):

@@ -255,7 +255,8 @@ def _read_head(journal: Journal) -> None:
     journal.head = head
     journal.exists = True
     journal.sessions = list(_sessions(journal.folder / SESSIONS))
-    if "corruptions" in journal.config:
+    # The rows of a dataset may have labels of corruptions that no configuration can hold.
+    if "corruptions" in journal.config and not journal.is_scored:
         journal.planners = read_planners(journal.config["corruptions"])
 
 

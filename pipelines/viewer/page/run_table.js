@@ -8,11 +8,9 @@ hijack.runTable = (data) => {
   // ---- the table ----
   // The last attempt at a case counts, as in the report.
   const cells = () => {
-    const last = new Map();
-    const names = ["agent", "corruption", "task", "seed"];
-    for (let n = 0; n < total; n++) last.set(names.map((name) => texts[name].codes[n]).join(), n);
     const cellsByKey = new Map();
-    for (const n of last.values()) {
+    for (let n = 0; n < total; n++) {
+      if (!run.last[n]) continue;
       const key = `${texts.agent.codes[n]},${texts.corruption.codes[n]}`;
       const cell = cellsByKey.get(key) || { all: 0, counted: 0, sum: 0 };
       cell.all += 1;

@@ -1,6 +1,6 @@
 """Arrange the entries of a run in columns, as the page expects them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hijack_data.plan import CLEAN
@@ -39,9 +39,24 @@ def columns(entries: list[EpisodeEntry], config: Mapping[str, Any]) -> dict[str,
     return {
         "ids": [entry.id for entry in entries],
         "counts": [int(entry.counts) for entry in entries],
+        "last": _last_attempts(entries),
         "texts": coded,
         "numbers": {name: [getattr(entry, name) for entry in entries] for name in NUMBERS},
     }
+
+
+def _last_attempts(entries: Sequence[EpisodeEntry]) -> list[int]:
+    """Return for each entry 1 if it is the last attempt at its case, which counts, or else 0.
+
+    Attempts are in the order of their numbers, as in the report: lines may have been sorted, and
+    folders are sorted by name, `a10` before `a2`.
+    """
+    last: dict[tuple[str, ...], int] = {}
+    for number in sorted(range(len(entries)), key=lambda number: entries[number].attempt):
+        entry = entries[number]
+        last[entry.agent, entry.corruption, entry.task, entry.seed] = number
+    numbers = set(last.values())
+    return [int(number in numbers) for number in range(len(entries))]
 
 
 def _encode(values: list[str], first: list[str]) -> dict[str, Any]:

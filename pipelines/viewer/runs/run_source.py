@@ -52,7 +52,9 @@ class RunSource:
         if self.config.get("kind") == SCORE_RUN:
             from . import scored_rows
 
-            self._scored = scored_rows.ScoredRows(str(self.config.get("source") or ""), folder)
+            self._scored = scored_rows.ScoredRows(
+                str(self.config.get("source") or ""), folder, is_planned="plans" in self.config
+            )
             if self._scored.problem:
                 self.problems.append(self._scored.problem)
         # bounded by their number: every episode counts as one byte

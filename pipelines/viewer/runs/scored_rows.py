@@ -6,7 +6,7 @@ from typing import Any
 
 from hijack_data.errors import HijackError
 from hijack_data.picture_io import pixel_sha256
-from hijack_data.runs.run_log import ROW
+from hijack_data.runs.run_log import ROW, RUN
 from hijack_data.types import UInt8Array
 
 from ...errors import DatasetError
@@ -22,10 +22,12 @@ class ScoredRows:
     Args:
         source: its folder, as the run names it.
         folder: of the run: a relative name may also be meant from there.
+        is_planned: whether its clean rows were corrupted while they were read.
     """
 
-    def __init__(self, source: str, folder: Path) -> None:
+    def __init__(self, source: str, folder: Path, *, is_planned: bool = False) -> None:
         self.problem = ""
+        self._is_planned = is_planned
         self._data: DatasetSource | None = None
         self._rows: dict[str, int] = {}
         places = [Path(source), folder / source, folder.parent / Path(source).name]
@@ -113,6 +115,11 @@ class ScoredRows:
 
     def _row(self, record: Mapping[str, Any]) -> int:
         name = str(record.get(ROW))
+        if name not in self._rows and self._is_planned:
+            raise DatasetError(
+                f"row {name!r} was corrupted while it was read, as the plans of {RUN} say; the"
+                " dataset has its clean picture alone"
+            )
         if name not in self._rows:
             raise DatasetError(f"the dataset has no row {name!r}; it is another one")
         return self._rows[name]

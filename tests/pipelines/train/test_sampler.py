@@ -67,6 +67,14 @@ def test_clean_and_nested():
     assert set(labels(CorruptionSampler(sequence)).values()) == {"marks+pop_ups"}
 
 
+def test_what_draws_at_the_steps_of_an_episode_is_a_rollouts_own():
+    """`max_times` counted the steps of the optimiser, and the rollout had no limit."""
+    trigger = hj.OneOf([hj.Marks()], p_clean=0.5, max_times=3)
+    for planner in (trigger, hj.OneOf([trigger])):
+        sampler = CorruptionSampler(planner)
+        assert all(sampler.draw(step=n, group="a", slot=0).planner is trigger for n in range(20))
+
+
 def test_a_schedule_follows_the_epoch():
     sampler = CorruptionSampler(hj.Schedule(lambda epoch: hj.PopUps() if epoch else hj.Marks()))
     values = [sampler.draw(step=0, group="a", slot=0, epoch=epoch).label for epoch in (0, 1)]

@@ -25,11 +25,10 @@ def table(source: RunSource) -> dict[tuple[str, str], tuple[int, float | None]]:
     def text(name: str, n: int) -> str:
         return texts[name]["values"][texts[name]["codes"][n]]
 
-    last: dict[tuple[str, ...], int] = {}
-    for n in range(len(about["ids"])):
-        last[tuple(text(name, n) for name in ("agent", "corruption", "task", "seed"))] = n
     cells: dict[tuple[str, str], list[float]] = {}
-    for n in last.values():
+    for n in range(len(about["ids"])):
+        if not about["last"][n]:
+            continue
         cell = cells.setdefault((text("agent", n), text("corruption", n)), [])
         if about["counts"][n]:
             cell.append(about["numbers"]["score"][n] or 0)
@@ -69,6 +68,18 @@ def test_the_table_has_the_numbers_of_the_report(kept: list[dict[str, Any]], tmp
     problems = [entry.problem for entry in source.entries if "is no" in entry.problem]
     doubled = [text for text in source.problems if "is on line 1 already" in text]
     assert len(problems) + len(doubled) == unread
+
+
+def test_the_last_of_many_attempts_counts_as_in_the_report(tmp_path: Path):
+    """Folders are sorted by their names, so the tenth attempt came before the second."""
+    log = tmp_path / "log"
+    for attempt in range(11):
+        suffix = f"__a{attempt}" if attempt else ""
+        record = made("a", "t", score=float(attempt == 10), attempt=attempt)
+        folder = log / "episodes" / f"{record['id']}{suffix}"
+        folder.mkdir(parents=True)
+        (folder / "episode.json").write_text(json.dumps(record | {"id": folder.name}))
+    assert table(RunSource(log)) == reported(log) == {("a", "clean"): (1, 1.0)}
 
 
 def test_conditions_come_in_the_order_of_the_configuration(tmp_path: Path):

@@ -10,6 +10,7 @@ import pytest
 
 import hijack_data as hj
 from hijack_data.errors import HijackError
+from online_env.scoring.cases import RowPlans
 from online_env.scoring.run import ScoreRun, ScoreSettings
 from pipelines import build, open_dataset
 from pipelines.viewer.opening import open_source
@@ -37,6 +38,23 @@ def open_run(folder: Path) -> RunSource:
     source = open_source(folder)
     assert isinstance(source, RunSource)
     return source
+
+
+def test_a_row_that_was_corrupted_while_it_was_read_is_no_row_of_another_dataset(
+    scored: Path, tmp_path: Path
+) -> None:
+    plans = RowPlans(planners={"clean": None, "worst": hj.Marks(number=2, mark_size=9)})
+    run = ScoreRun(ScoreSettings(dataset=scored / "rows", agents=("fail",), plans=plans))
+    with run.begin(tmp_path / "run", False):
+        remaining = run.remaining_cases(tmp_path / "run")
+        run.play(tmp_path / "run", remaining, lambda *_: None, lambda *_: None)
+    source = open_run(tmp_path / "run")
+    lost = {
+        entry.corruption: source.episode(n)["steps"][0]["lost"]
+        for n, entry in enumerate(source.entries)
+    }
+    assert lost["clean"] == ""
+    assert "was corrupted while it was read" in lost["worst"]
 
 
 def test_every_answer_is_an_episode_of_one_step(scored: Path) -> None:
