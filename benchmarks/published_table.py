@@ -4,7 +4,6 @@ A page marks the place of each table with two comments, between which nothing is
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from statistics import fmean
 from typing import Any, TypeAlias
@@ -44,18 +43,6 @@ def differences(run: Run, *agents: str) -> str:
             row += _columns(by_key[agent, label])
         table.append(row)
     return _markdown(titles, table)
-
-
-def pooled_differences(run: Run, published: str, *agents: str) -> str:
-    """Return the table of differences of a run and of a published one with other tasks.
-
-    Args:
-        run: the run.
-        published: the name of the published result, played in the same way.
-        agents: the agents, in the order of the columns.
-    """
-    published_run = reading.read(RESULTS / published / "run")
-    return differences(replace(run, records=[*published_run.records, *run.records]), *agents)
 
 
 def domains(run: Run, agent: str) -> str:
@@ -198,13 +185,6 @@ TABLES: Mapping[str, Mapping[str, Table]] = {
     "everyday": {
         "differences": lambda run: differences(run, "oracle", "recovering", "pixel"),
         "faults": lambda run: faults(run, "oracle", "recovering", "pixel"),
-    },
-    "everyday_others": {
-        "differences": lambda run: differences(run, "oracle", "recovering", "pixel"),
-        "faults": lambda run: faults(run, "oracle", "recovering", "pixel"),
-        "differences in all 24 tasks": lambda run: pooled_differences(
-            run, "everyday", "oracle", "recovering", "pixel"
-        ),
     },
     "everyday_levels": {"levels": lambda run: levels(run, "oracle")},
     "everyday_guarded": {"gain": lambda run: gain(run, "everyday")},
