@@ -131,6 +131,11 @@ class Corrupt(v2.Transform):
         ).share_memory_()  # shared, so that DataLoader workers see changes
         self._repeats = RepeatNotice(_REMEDY)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Share the epoch of a copy with workers, as that of the original is."""
+        super().__setstate__(state)  # pyright: ignore[reportUnknownMemberType]
+        self._epoch.share_memory_()
+
     def set_epoch(self, epoch: int) -> None:
         """Set the epoch of samples without an `epoch` entry; running workers see it, too."""
         self._epoch[0] = scalar(epoch, "epoch", 0)
