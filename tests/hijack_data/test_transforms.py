@@ -255,6 +255,27 @@ def test_batches_whose_sizes_change():
         )
 
 
+@pytest.mark.parametrize(
+    ("entry", "labels"),
+    [
+        ({"target": (20, 30)}, None),
+        ({"bbox": (10, 20, 30, 40)}, {"bbox": "xyxy"}),
+        ({"elements": [[10, 20, 30, 40]] * 4}, None),
+        ({"objects": [{"bbox": [10, 20, 30, 40]}] * 4}, {"objects.bbox": "xyxy"}),
+    ],
+)
+def test_labels_that_default_collate_transposed_are_refused(entry, labels):
+    from torch.utils.data import default_collate
+
+    (value,) = entry.values()
+    rows = [{"image": tensor(i), "id": i, **entry} for i in range(len(value))]
+    half = tr.Resolution(scale=0.5, labels=labels)
+    with pytest.raises(ParameterError, match="one number of all pictures each"):
+        half(default_collate(rows))
+    (key,) = entry
+    half({**default_collate(rows), key: [row[key] for row in rows]})
+
+
 def test_replay():
     sample = {"image": tensor(), "id": "a"}
     result = tr.OneOf(three_transforms(), seed=3, return_plan=True)(sample)
