@@ -27,7 +27,7 @@ from .labels import Declared, Labels
 from .labels.dataset_rows import corrupted_row, is_row
 from .labels.formats import PICTURE, find_format
 from .plan import Plan
-from .planner import Planner, as_planner
+from .planner import Planner, as_planner, leaves
 from .rng import as_seed
 from .safety import plan_avoiding, target_visible
 from .sample_pictures import SamplePicture, apply_plan, common_size, find_pictures, swapped
@@ -47,6 +47,10 @@ class SamplePlanner:
             both ends) is visible, and leave the sample clean if no draw succeeds.
         id_key: name of the entry that holds the id.
         labels: which entries are labels, and how they are written.
+
+    Raises:
+        ParameterError: a value is out of its range, or the planner acts on more than pictures.
+        ParameterTypeError: `planner` plans nothing, or the seed is not an integer.
     """
 
     planner: Planner
@@ -57,6 +61,13 @@ class SamplePlanner:
 
     def __post_init__(self) -> None:
         as_planner(self.planner, "expected a corruption such as Marks()")
+        live = [leaf.label for leaf in leaves(self.planner) if leaf.effects or leaf.inputs]
+        if live:
+            raise ParameterError(
+                f"{', '.join(live)}: acts on the machine or the agent's input, and samples are"
+                " pictures, which would stay clean: leave it out, or build a dataset with it"
+                " (hijack build)"
+            )
         if self.label_policy not in LABEL_POLICIES:
             raise ParameterError(f"label_policy must be keep or avoid, got {self.label_policy!r}")
         as_seed(self.seed)  # checked here, not at the first sample in some worker

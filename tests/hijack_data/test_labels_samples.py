@@ -470,8 +470,9 @@ def test_p_is_the_probability_that_a_sample_is_corrupted():
     for p, error in (([0.5], ParameterTypeError), (1.5, ParameterError), ("1", ParameterTypeError)):
         with pytest.raises(error, match="p "):
             tr.Marks(p=p)
-    with pytest.raises(ParameterError, match="no p"):
-        tr.Replay(p=0.5)
+    for name, value in (("p", 0.5), ("seed", 3), ("label_policy", "avoid")):
+        with pytest.raises(ParameterError, match=f"it has no {name}$"):
+            tr.Replay(**{name: value})
 
 
 def test_labels_in_bfloat16_follow():

@@ -9,6 +9,7 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.conformance import picture, reference
+from hijack_data.corruption import make_corruption
 from hijack_data.errors import (
     ImageError,
     ImageTypeError,
@@ -327,7 +328,25 @@ def test_combinators_and_configurations():
     assert tr.FromConfig("paper", label="subtitle", seed=5).settings.seed == 5
     with pytest.raises(ParameterError, match="no corruption 'pop'; it has marks, subtitle"):
         tr.FromConfig(config, label="pop")
+    avoiding = {**config, "label_policy": "avoid"}
+    assert tr.FromConfig(avoiding).settings.label_policy == "avoid"
+    assert tr.FromConfig(avoiding, label_policy="keep").settings.label_policy == "keep"
+    with pytest.raises(ParameterError, match="keep or avoid, got 'drop'"):
+        tr.FromConfig({**config, "label_policy": "drop"})
     assert len(tr.Marks(severity=4, return_plan=True, mark_size=4)(sample)["plan"].ops[0].at) == 100
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (lambda: tr.FromConfig("paper"), "multi_apps, .*, verification"),
+        (lambda: tr.OneOf([tr.Marks(), hj.Sequence([hj.NetworkError()])]), "network_error"),
+        (lambda: tr.Corrupt(make_corruption("missed_input")), "missed_input"),
+    ],
+)
+def test_what_leaves_pictures_clean_is_refused(make, names):
+    with pytest.raises(ParameterError, match=f"{names}.*would stay clean"):
+        make()
 
 
 def test_subtitles_shrink_where_they_do_not_fit():
