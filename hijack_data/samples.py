@@ -24,12 +24,12 @@ from typing import Any, cast
 
 from .errors import ParameterError, ParameterTypeError
 from .labels import Declared, Labels
-from .labels.dataset_rows import corrupted_row, is_row
+from .labels.dataset_rows import corrupted_row, is_row, read_row_plan, visible_after
 from .labels.formats import PICTURE, find_format
 from .plan import Plan
 from .planner import Planner, as_planner, leaves
 from .rng import as_seed
-from .safety import plan_avoiding, target_visible
+from .safety import plan_avoiding
 from .sample_pictures import SamplePicture, apply_plan, common_size, find_pictures, swapped
 from .types import Scene, Size, as_boxes, as_target
 
@@ -175,12 +175,26 @@ class SamplePlanner:
     ) -> dict[str, Any]:
         """Return the entries `plan` and `target_visible`.
 
-        The share is NaN without a target: a number in every sample, for batches and tables.
+        The share is NaN without a target: a number in every sample, for batches and tables. Both
+        are those of a row's earlier plan and this one.
+
+        Raises:
+            ParameterError: the sample has an entry `plan` that is another one.
         """
+        earlier = read_row_plan(sample, plan.size) if is_row(sample) else None
+        if not is_row(sample) and sample.get("plan") not in (None, plan, plan.to_json()):
+            raise ParameterError(
+                "the sample has an entry 'plan' already, and return_plan would put another in its"
+                " place: put both transforms into one Sequence, or rename that entry"
+            )
         location = self.labels.find_target(sample, plan.size)
-        share = None if location is None else target_visible(plan, location.target, location.end)
+        share = None if location is None else visible_after(earlier, plan, location)
         share = math.nan if share is None else share
-        return {"plan": plan.to_json() if return_plan == "json" else plan, "target_visible": share}
+        whole = plan if earlier is None else earlier.then(plan)
+        return {
+            "plan": whole.to_json() if return_plan == "json" else whole,
+            "target_visible": share,
+        }
 
 
 def make_labels(labels: Declared | None, target: str | None, image_key: str | None) -> Labels:

@@ -277,6 +277,16 @@ def test_labels_that_default_collate_transposed_are_refused(entry, labels):
     half({**default_collate(rows), key: [row[key] for row in rows]})
 
 
+def test_a_plan_in_the_sample_is_not_replaced():
+    sample = {"image": tensor(), "id": "a", "target": (30, 40)}
+    once = tr.PopUps(width=200, height=120, return_plan=True)(sample)
+    for second in (tr.Marks(return_plan=True), tr.Marks(return_plan="json")):
+        with pytest.raises(ParameterError, match="entry 'plan' already"):
+            second(once)
+    assert tr.Marks()(once)["plan"] == once["plan"]
+    assert tr.Replay(return_plan=True)({**sample, "plan": once["plan"]})["plan"] == once["plan"]
+
+
 def test_replay():
     sample = {"image": tensor(), "id": "a"}
     result = tr.OneOf(three_transforms(), seed=3, return_plan=True)(sample)
