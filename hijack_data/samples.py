@@ -22,6 +22,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
 
+from .chained_draws import Draws, check_chain, note_chain
 from .errors import ParameterError, ParameterTypeError
 from .labels import Declared, Labels
 from .labels.dataset_rows import corrupted_row, is_row, read_row_plan, visible_after
@@ -125,6 +126,7 @@ class SamplePlanner:
         make_plan: Callable[[Size, list[SamplePicture]], Plan],
         *,
         seed: int | None,
+        draws: Draws,
         return_plan: bool | str = False,
     ) -> dict[str, Any]:
         """Return the entries of a sample that change when its pictures are corrupted.
@@ -134,11 +136,14 @@ class SamplePlanner:
             planner_entries: the same, as planners read them.
             make_plan: returns the plan for its pictures, of a size (height, width).
             seed: the seed of the plan, or `None` for a plan given by the user.
+            draws: what the plan draws, which no earlier transform of the pictures may draw alike.
             return_plan: also return `plan`, as text with `"json"`, and `target_visible`.
         """
         pictures, unclear = find_pictures(sample, self.labels.is_picture)
+        chain = check_chain(draws, (picture.pixels for picture in pictures))
         plan = make_plan(common_size(pictures), pictures)
         new = corrupted_pixels(plan, pictures)
+        note_chain(chain, new.values())
         keys = {picture.path[0] for picture in pictures}
         changes = {key: swapped(sample[key], new) for key in sample if key in keys}
         after = new[id(pictures[0].pixels)]

@@ -287,6 +287,37 @@ def test_a_plan_in_the_sample_is_not_replaced():
     assert tr.Replay(return_plan=True)({**sample, "plan": once["plan"]})["plan"] == once["plan"]
 
 
+MARKS, WORDS = hj.Marks(number=3, mark_size=4), hj.Subtitle(font_size=10)
+
+
+@pytest.mark.parametrize("kind", ["tensor", "batch", "tv_tensor", "array", "PIL"])
+def test_transforms_in_a_row_that_draw_alike_are_refused(kind):
+    picture_kinds = {
+        "tensor": lambda: tensor(),
+        "batch": lambda: torch.stack([tensor(), tensor(1)]),
+        "tv_tensor": lambda: tv_tensors.Image(tensor()),
+        "array": lambda: picture(SIZE),
+        "PIL": lambda: Image.fromarray(picture(SIZE)),
+    }
+    sample = {"image": picture_kinds[kind](), "id": ["a", "b"] if kind == "batch" else "a"}
+    first = tr.Corrupt(MARKS, p=0.5)
+    for second in (
+        tr.Corrupt(WORDS, p=0.5),
+        tr.OneOf([WORDS], p_clean=0.1),
+        tr.Sequence([hj.Schedule(at=lambda _epoch: MARKS)], p=0.3),
+    ):
+        with pytest.raises(ParameterError, match="both draw alike"):
+            v2.Compose([first, tr.Marks(), second])(sample)
+    for second in (
+        tr.Corrupt(WORDS, p=0.5, seed=1),
+        tr.OneOf([WORDS, MARKS]),  # it draws which, not whether
+        tr.Sequence([hj.OneOf([WORDS], p_clean=0.5)]),  # at another place
+        tr.Corrupt(WORDS),
+    ):
+        v2.Compose([first, second])(sample)
+        first(sample)  # the same picture for another one, not in a row
+
+
 def test_replay():
     sample = {"image": tensor(), "id": "a"}
     result = tr.OneOf(three_transforms(), seed=3, return_plan=True)(sample)
