@@ -336,6 +336,17 @@ def test_datasets_map_and_with_transform(tmp_path):
     assert hj.Plan.from_json(message[0]["plan"]).out_size == (108, 192)
 
 
+def test_masks_of_torchvision_are_picked_as_all_masks_are():
+    mask = torch.from_numpy(np.random.default_rng(1).integers(0, 9, (2, 48, 640), np.uint8))
+    sample = {"image": torch.zeros((3, 48, 640), dtype=torch.uint8), "id": 1, "mask": mask.numpy()}
+    out = tr.Resolution(scale=0.77, labels={"mask": "mask"})(
+        {**sample, "tv": tv_tensors.Mask(mask)}
+    )
+    assert isinstance(out["tv"], tv_tensors.Mask)
+    # the centre of row 18 of the 37 lies on the edge of two rows of the 48
+    assert np.array_equal(out["tv"].numpy(), out["mask"])
+
+
 def test_tv_tensors_dictionaries_actions_and_code_agree():
     x, y = 399, 399
     screen = tv_tensors.Image(torch.zeros((3, 400, 400), dtype=torch.uint8))
