@@ -24,21 +24,22 @@ class Draws:
     Args:
         seed: 0 to 2**64 - 1.
         ids: where the ids of samples come from.
-        choices: what each `OneOf` draws: `"whether"` or `"which"`, with its place in the tree.
+        choices: what each `OneOf` draws: `"whether"` or `"which"`, with its place in the tree. A
+            tuple, because the fingerprints of `datasets` depend on the order of a set.
     """
 
     seed: int
     ids: str
-    choices: frozenset[tuple[str, tuple[int, ...]]]
+    choices: tuple[tuple[str, tuple[int, ...]], ...]
 
 
-NO_DRAWS = Draws(0, "", frozenset())
+NO_DRAWS = Draws(0, "", ())
 _by_picture: dict[int, tuple["weakref.ref[Any]", tuple[Draws, ...]]] = {}
 
 
 def find_draws(planner: Planner, seed: int, ids: str) -> Draws:
     """Return the choices that a planner draws."""
-    return Draws(seed, ids, frozenset(_choices(planner, ())))
+    return Draws(seed, ids, tuple(_choices(planner, ())))
 
 
 def _choices(planner: Planner, place: tuple[int, ...]) -> Iterator[tuple[str, tuple[int, ...]]]:
@@ -60,7 +61,8 @@ def check_chain(draws: Draws, pictures: Iterable[Any]) -> tuple[Draws, ...]:
     """
     earlier = dict.fromkeys(each for picture in pictures for each in _earlier(picture))
     for each in earlier:
-        if (each.seed, each.ids) == (draws.seed, draws.ids) and each.choices & draws.choices:
+        is_shared = not set(each.choices).isdisjoint(draws.choices)
+        if is_shared and (each.seed, each.ids) == (draws.seed, draws.ids):
             raise ParameterError(
                 f"an earlier transform with seed={draws.seed} made this picture, and both draw"
                 " alike: they act on the same samples, or choose alike; give each a seed of its"

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from PIL import Image
 
+from ..batches import check_not_transposed
 from ..errors import ImageError, ParameterError
 from ..labels.label_declarations import FIXED_ENTRIES
 from ..labels.torchvision_labels import corners
@@ -81,27 +82,8 @@ def value_per_picture(values: Any, count: int, name: str) -> list[Any]:
             f"{name} must hold one entry for each of the {count} pictures of the batch, got"
             f" {values!r}"
         )
-    if count > 1 and _may_be_transposed(values, count):
-        raise ParameterError(
-            f"{name} of a batch of {count} is a list of arrays of {count} numbers: are these the"
-            " numbers of one picture each, or, as torch's default_collate makes of tuples and"
-            " lists, one number of all pictures each? Collate it to one tensor, or to a list with"
-            " a list of numbers for each picture"
-        )
+    check_not_transposed(values, count, name)
     return list(values)
-
-
-def _may_be_transposed(values: Any, count: int) -> bool:
-    """Return whether a part of a value is a list of arrays of `count` numbers each."""
-    if isinstance(values, Mapping):
-        parts = list(cast("Mapping[Any, Any]", values).values())
-    elif isinstance(values, list | tuple):
-        parts = list(cast("list[Any]", values))
-        if parts and all(is_array(part) and part.shape == (count,) for part in parts):
-            return True
-    else:
-        return False
-    return any(_may_be_transposed(part, count) for part in parts)
 
 
 def batch_length(entries: DatasetRow, pictures: list[SamplePicture]) -> int | None:
