@@ -140,7 +140,7 @@ class SamplePlanner:
             return_plan: also return `plan`, as text with `"json"`, and `target_visible`.
         """
         pictures, unclear = find_pictures(sample, self.labels.is_picture)
-        chain = check_chain(draws, (picture.pixels for picture in pictures))
+        chain = check_chain(self.planner, draws, (picture.pixels for picture in pictures))
         plan = make_plan(common_size(pictures), pictures)
         new = corrupted_pixels(plan, pictures)
         note_chain(chain, new.values())

@@ -183,7 +183,8 @@ class Corrupt(v2.Transform):
         labels = self.settings.labels
         of_batch, _ = find_pictures(entries, labels.is_picture)
         arrays = check_pictures(entries, of_batch, count)
-        chain = check_chain(self._draws, (picture.pixels for picture in of_batch))
+        pixels = (picture.pixels for picture in of_batch)
+        chain = check_chain(self.settings.planner, self._draws, pixels)
         shared = {key for key, value in entries.items() if is_tensor(value, *FOLLOWING)}
         readable = plain(entries)
         rows = self._rows(readable, count, {picture.path[0] for picture in of_batch})

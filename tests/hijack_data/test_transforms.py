@@ -304,17 +304,20 @@ def test_transforms_in_a_row_that_draw_alike_are_refused(kind):
     for second in (
         tr.Corrupt(WORDS, p=0.5),
         tr.OneOf([WORDS], p_clean=0.1),
-        tr.Sequence([hj.Schedule(at=lambda _epoch: MARKS)], p=0.3),
+        tr.Sequence([hj.Schedule(at=lambda _epoch: WORDS)], p=0.3),
+        tr.Marks(color="blue"),
+        tr.Sequence([MARKS]),  # the place of the first's marks in its tree
     ):
         with pytest.raises(ParameterError, match="both draw alike"):
-            v2.Compose([first, tr.Marks(), second])(sample)
+            v2.Compose([first, tr.Marks(), tr.Resolution(restore=True), second])(sample)
     for second in (
         tr.Corrupt(WORDS, p=0.5, seed=1),
         tr.OneOf([WORDS, MARKS]),  # it draws which, not whether
         tr.Sequence([hj.OneOf([WORDS], p_clean=0.5)]),  # at another place
-        tr.Corrupt(WORDS),
+        tr.Sequence([WORDS, tr.Marks()]),
+        tr.Corrupt(WORDS),  # which draws nothing
     ):
-        v2.Compose([first, second])(sample)
+        v2.Compose([tr.Corrupt(WORDS), first, second])(sample)
         first(sample)  # the same picture for another one, not in a row
 
 
