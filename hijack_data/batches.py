@@ -13,6 +13,7 @@ from .errors import ImageTypeError, ParameterError, ParameterTypeError
 from .plan import Plan
 from .planner import Planner
 from .safety import Safety, judge_all
+from .sample_pictures import is_array
 from .types import Box, BoxArray, Scene, Size, as_boxes, as_target
 
 
@@ -188,7 +189,36 @@ def _one_per_picture(values: Sequence[Any] | None, count: int, name: str) -> lis
             f"{len(values)} {name} for {count} pictures: give one entry for each (None where"
             " unknown)"
         )
+    check_not_transposed(values, count, name)
     return list(values)
+
+
+def check_not_transposed(values: Any, count: int, name: str) -> None:
+    """Check that the values of a batch are not perhaps one array for each number of a label.
+
+    Raises:
+        ParameterError: a part of them is a list of arrays of `count` numbers each.
+    """
+    if count > 1 and _may_be_transposed(values, count):
+        raise ParameterError(
+            f"{name} of a batch of {count} is a list of arrays of {count} numbers: are these the"
+            " numbers of one picture each, or, as torch's default_collate makes of tuples and"
+            " lists, one number of all pictures each? Collate it to one tensor, or to a list with"
+            " a list of numbers for each picture"
+        )
+
+
+def _may_be_transposed(values: Any, count: int) -> bool:
+    """Return whether a part of a value is a list of arrays of `count` numbers each."""
+    if isinstance(values, Mapping):
+        parts = list(cast("Mapping[Any, Any]", values).values())
+    elif isinstance(values, list | tuple):
+        parts = list(cast("list[Any]", values))
+        if parts and all(is_array(part) and part.shape == (count,) for part in parts):
+            return True
+    else:
+        return False
+    return any(_may_be_transposed(part, count) for part in parts)
 
 
 def _pixels(image: Any) -> Any:

@@ -22,6 +22,7 @@ from typing import Any, cast
 import numpy as np
 
 from . import extras
+from .chained_draws import NO_DRAWS, find_draws
 from .compose import sometimes
 from .epochs import RepeatNotice
 from .errors import ImageError, ParameterTypeError
@@ -63,6 +64,7 @@ class _Settings:
             sometimes(planner, p), seed, label_policy, id_key, declared_labels
         )
         self.return_plan = return_plan
+        self._draws = find_draws(self.settings.planner, self.settings.seed, id_key)
         self._repeats = RepeatNotice(_REMEDY)
 
     def corrupt(self, element: Any, rng: np.random.Generator | None = None) -> dict[str, Any]:
@@ -81,11 +83,13 @@ class _Settings:
         check_drawn(entries)
         if is_many(entries.get(self.settings.id_key)):
             raise ImageError("an element has one id, got several; corrupt before batching")
+        is_keyed = all(entries.get(key) is not None for key in (self.settings.id_key, "epoch"))
         changes = self.settings.corrupt(
             entries,
             entries,
             lambda size, _: self._plan(size, entries, rng),
             seed=self.settings.seed,
+            draws=self._draws if rng is None or is_keyed else NO_DRAWS,
             return_plan=self.return_plan,
         )
         return {**entries, **changes}

@@ -22,14 +22,15 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
 
+from .chained_draws import Draws, check_chain, note_chain
 from .errors import ParameterError, ParameterTypeError
 from .labels import Declared, Labels
-from .labels.dataset_rows import corrupted_row, is_row
+from .labels.dataset_rows import corrupted_row, is_row, read_row_plan, visible_after
 from .labels.formats import PICTURE, find_format
 from .plan import Plan
-from .planner import Planner, as_planner
+from .planner import Planner, as_planner, leaves
 from .rng import as_seed
-from .safety import plan_avoiding, target_visible
+from .safety import plan_avoiding
 from .sample_pictures import SamplePicture, apply_plan, common_size, find_pictures, swapped
 from .types import Scene, Size, as_boxes, as_target
 
@@ -47,6 +48,10 @@ class SamplePlanner:
             both ends) is visible, and leave the sample clean if no draw succeeds.
         id_key: name of the entry that holds the id.
         labels: which entries are labels, and how they are written.
+
+    Raises:
+        ParameterError: a value is out of its range, or the planner acts on more than pictures.
+        ParameterTypeError: `planner` plans nothing, or the seed is not an integer.
     """
 
     planner: Planner
@@ -57,6 +62,13 @@ class SamplePlanner:
 
     def __post_init__(self) -> None:
         as_planner(self.planner, "expected a corruption such as Marks()")
+        live = [leaf.label for leaf in leaves(self.planner) if leaf.effects or leaf.inputs]
+        if live:
+            raise ParameterError(
+                f"{', '.join(live)}: acts on the machine or the agent's input, and samples are"
+                " pictures, which would stay clean: leave it out, or build a dataset with it"
+                " (hijack build)"
+            )
         if self.label_policy not in LABEL_POLICIES:
             raise ParameterError(f"label_policy must be keep or avoid, got {self.label_policy!r}")
         as_seed(self.seed)  # checked here, not at the first sample in some worker
@@ -114,6 +126,7 @@ class SamplePlanner:
         make_plan: Callable[[Size, list[SamplePicture]], Plan],
         *,
         seed: int | None,
+        draws: Draws,
         return_plan: bool | str = False,
     ) -> dict[str, Any]:
         """Return the entries of a sample that change when its pictures are corrupted.
@@ -123,11 +136,14 @@ class SamplePlanner:
             planner_entries: the same, as planners read them.
             make_plan: returns the plan for its pictures, of a size (height, width).
             seed: the seed of the plan, or `None` for a plan given by the user.
+            draws: what the plan draws, which no earlier transform of the pictures may draw alike.
             return_plan: also return `plan`, as text with `"json"`, and `target_visible`.
         """
         pictures, unclear = find_pictures(sample, self.labels.is_picture)
+        chain = check_chain(self.planner, draws, (picture.pixels for picture in pictures))
         plan = make_plan(common_size(pictures), pictures)
         new = corrupted_pixels(plan, pictures)
+        note_chain(chain, new.values())
         keys = {picture.path[0] for picture in pictures}
         changes = {key: swapped(sample[key], new) for key in sample if key in keys}
         after = new[id(pictures[0].pixels)]
@@ -164,12 +180,26 @@ class SamplePlanner:
     ) -> dict[str, Any]:
         """Return the entries `plan` and `target_visible`.
 
-        The share is NaN without a target: a number in every sample, for batches and tables.
+        The share is NaN without a target: a number in every sample, for batches and tables. Both
+        are those of a row's earlier plan and this one.
+
+        Raises:
+            ParameterError: the sample has an entry `plan` that is another one.
         """
+        earlier = read_row_plan(sample, plan.size) if is_row(sample) else None
+        if not is_row(sample) and sample.get("plan") not in (None, plan, plan.to_json()):
+            raise ParameterError(
+                "the sample has an entry 'plan' already, and return_plan would put another in its"
+                " place: put both transforms into one Sequence, or rename that entry"
+            )
         location = self.labels.find_target(sample, plan.size)
-        share = None if location is None else target_visible(plan, location.target, location.end)
+        share = None if location is None else visible_after(earlier, plan, location)
         share = math.nan if share is None else share
-        return {"plan": plan.to_json() if return_plan == "json" else plan, "target_visible": share}
+        whole = plan if earlier is None else earlier.then(plan)
+        return {
+            "plan": whole.to_json() if return_plan == "json" else whole,
+            "target_visible": share,
+        }
 
 
 def make_labels(labels: Declared | None, target: str | None, image_key: str | None) -> Labels:

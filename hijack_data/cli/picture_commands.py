@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from .completion import complete
 from .options import BriefCommand, seed_option
@@ -73,6 +74,8 @@ def apply_command(
     from .picture_folders import apply_to_folder
     from .picture_plans import make_plan
 
+    if options["plan_file"] is not None:
+        _refuse_beside_plan(click.get_current_context())
     sample = options.pop("sample")
 
     def corrupt(image: str, out: str, sample: str) -> "tuple[Plan, UInt8Array, tuple[str, ...]]":
@@ -101,6 +104,17 @@ def _check_output(out: str) -> None:
         raise click.UsageError(
             f"-o {out!r}: only .png keeps the exact pixels; name the output *.png"
         )
+
+
+def _refuse_beside_plan(context: click.Context) -> None:
+    deciding = ("settings", "severity", "seed", "sample", "step", "tree")
+    listed = [
+        "--set" if name == "settings" else f"--{name}"
+        for name in deciding
+        if context.get_parameter_source(name) is not ParameterSource.DEFAULT
+    ]
+    if listed:
+        raise click.UsageError(f"--plan decides everything already; leave out {', '.join(listed)}")
 
 
 def _refuse_for_folders(**options: str | None) -> None:

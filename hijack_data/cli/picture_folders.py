@@ -91,14 +91,19 @@ def apply_to_folder(folder: Path, out: Path, corrupt: Corrupt, as_json: bool) ->
 def _output_names(names: list[Path]) -> dict[Path, Path]:
     """Return the `.png` name of each result; if it is taken, the old suffix stays before `.png`."""
     counts = Counter(name.with_suffix(".png") for name in names)
-    return {name: _target(name, counts) for name in names}
-
-
-def _target(name: Path, counts: Counter[Path]) -> Path:
-    png_name = name.with_suffix(".png")
-    if png_name == name or counts[png_name] == 1:
-        return png_name
-    return name.with_name(f"{name.name}.png")
+    targets = {name: name for name in names if name.suffix == ".png"}
+    taken = set(targets)
+    for name in names:
+        if name in targets:
+            continue
+        target = name.with_suffix(".png")
+        if counts[target] > 1:
+            target = name.with_name(f"{name.name}.png")
+        while target in taken:
+            target = target.with_name(f"{target.name}.png")
+        targets[name] = target
+        taken.add(target)
+    return {name: targets[name] for name in names}
 
 
 def _report(out: Path, results: list[dict[str, Any]], problems: list[str], as_json: bool) -> None:

@@ -4,10 +4,12 @@ from pathlib import Path
 from typing import Any
 
 import click
-import yaml
 
 from .. import params as p
 from ..composites import composite, is_bare, uses_elements
+from ..config.corruption_settings import check
+from ..config.nodes import Problems
+from ..config.yaml_reader import read_yaml
 from ..corruption import Corruption, check_names, find_corruption
 from ..elements import scene_from
 from ..errors import HijackError, MissingDependencyError, ParameterError, PlanError
@@ -19,12 +21,14 @@ from ..types import Scene, UInt8Array
 def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str, Any]:
     """Turn `key=value` words into parameters.
 
-    The value of a text parameter is taken as it is, any other is read as YAML.
+    The value of a text parameter is taken as it is, any other is read as in a configuration.
 
     Raises:
-        ParameterError: a word is not `key=value`, or its value is not YAML.
+        ParameterError: a word is not `key=value`.
+        ConfigError: a value is refused.
     """
     values: dict[str, Any] = {}
+    problems = Problems()
     for setting in settings:
         key, sign, text = setting.partition("=")
         if not sign:
@@ -36,11 +40,12 @@ def parse_settings(cls: type[Corruption], settings: tuple[str, ...]) -> dict[str
         if parameter.kind in ("str", "choice", "color", "ip"):
             values[key] = text.replace("\\n", "\n")
             continue
-        try:
-            values[key] = yaml.safe_load(text)
-        except yaml.YAMLError:
-            accepts = parameter.accepts
-            raise ParameterError(f"--set {key}: {text!r} cannot be read as {accepts}") from None
+        tree = read_yaml(text.encode(), f"--set {setting}", problems)
+        if tree is None:
+            values[key] = None
+        else:
+            values[key] = check(problems, parameter, f"{cls.name}.{key}", tree)
+    problems.check()
     return values
 
 
@@ -81,10 +86,6 @@ def make_plan(
     severity = key.pop("severity")
     tree = key.pop("tree")
     if plan_file is not None:
-        if settings or severity is not None:
-            raise click.UsageError(
-                "--plan contains the parameters already; leave out --set and --severity"
-            )
         return _read_plan(plan_file, name), ()
     if name is None:
         raise click.UsageError("give the NAME of a corruption, or --plan FILE")

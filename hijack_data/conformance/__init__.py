@@ -12,7 +12,14 @@ from .base import Check, Result, expect, fail, run_check
 from .cases import SIZES, picture, scene
 from .declarations import check_parameters, check_registered
 from .determinism import check_deterministic, check_processes, check_seed
-from .pixels import check_backends, check_batches, check_scope, check_visible, jax_operations
+from .pixels import (
+    check_backends,
+    check_batches,
+    check_levels,
+    check_scope,
+    check_visible,
+    jax_operations,
+)
 from .plan_data import check_kept, check_plan_is_data, check_untouched
 from .reference import reference
 from .scenes import check_elements, check_scenes
@@ -27,6 +34,7 @@ __all__ = [
     "check_deterministic",
     "check_elements",
     "check_kept",
+    "check_levels",
     "check_parameters",
     "check_plan_is_data",
     "check_processes",
@@ -61,6 +69,7 @@ CHECKS: tuple[Check, ...] = (
     check_backends,
     check_batches,
     check_visible,
+    check_levels,
 )
 
 

@@ -20,6 +20,7 @@ from .cases import levels, picture, scene
 from .reference import reference
 
 SCOPE_SEEDS = 4
+STEPS_COMPARED = 100
 
 
 def check_backends(cls: type[Corruption]) -> None:
@@ -197,3 +198,19 @@ def check_visible(cls: type[Corruption]) -> None:
             expect(plan.inputs, "scope 'action' has no fault of the input and no note says why")
         else:
             expect(plan.effects, f"scope {cls.scope!r} has no effect and no note says why")
+
+
+def check_levels(cls: type[Corruption]) -> None:
+    """Severities differ in what a plan does, or in the steps at which it does so."""
+    full = scene(cases.SIZES[0])
+    by_level: list[object] = []
+    for spec in levels(cls):
+        plans = [spec.plan(full, seed=seed, sample="levels") for seed in range(SCOPE_SEEDS)]
+        if not any(plan.ops or plan.effects or plan.inputs for plan in plans):
+            return  # `check_visible` judges a plan that does nothing
+        steps = [spec.is_due(step) for step in range(-1, STEPS_COMPARED)]
+        by_level.append(([(plan.ops, plan.effects, plan.inputs) for plan in plans], steps))
+    expect(
+        len(by_level) == 1 or any(level != by_level[0] for level in by_level),
+        "all severities do the same: use the parameters that they set, or declare none",
+    )

@@ -163,7 +163,7 @@ def corrupted_row(
     if not plan.ops:
         return {}
     before, after = (np.asarray(p) if isinstance(p, Image.Image) else p for p in (before, after))
-    earlier = _row_plan(row, plan.size)
+    earlier = read_row_plan(row, plan.size)
     combined_plan = None if earlier is None else earlier.then(plan)
     was_clean = row["corruption"] == CLEAN
     label = corruption_label(plan) if was_clean else f"{row['corruption']}+{corruption_label(plan)}"
@@ -176,7 +176,9 @@ def corrupted_row(
             " keep it"
         )
     if "target_visible" in row:
-        columns["target_visible"] = None if location is None else _visible(earlier, plan, location)
+        columns["target_visible"] = (
+            None if location is None else visible_after(earlier, plan, location)
+        )
     if "changed_pixels" in row:
         columns["changed_pixels"] = _count_changed_pixels(row, earlier, plan, before, after)
     if "image_sha256" in row:
@@ -184,7 +186,7 @@ def corrupted_row(
     return {key: value for key, value in columns.items() if key in row}
 
 
-def _row_plan(row: _Row, size: Size) -> Plan | None:
+def read_row_plan(row: _Row, size: Size) -> Plan | None:
     """Return the plan by which the screenshot of a row was made from a clean one."""
     if row["corruption"] == CLEAN:
         return Plan.clean(size)
@@ -206,7 +208,7 @@ def _renamed(row: _Row, label: str) -> Any:
     return f"{start}{label}{name[len(start) + len(row['corruption']) :]}"
 
 
-def _visible(earlier: Plan | None, plan: Plan, location: Location) -> float | None:
+def visible_after(earlier: Plan | None, plan: Plan, location: Location) -> float | None:
     """Return the share of the target that shows after both plans."""
     if earlier is None or not earlier.ops:
         return target_visible(plan, location.target, location.end)

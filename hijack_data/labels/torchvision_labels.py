@@ -11,6 +11,7 @@ import torch
 
 from ..errors import LabelError, ParameterError
 from ..plan import Plan
+from ..safety import resized_mask
 from ..types import Size
 from .base import Move
 from .box_formats import box_format
@@ -45,11 +46,9 @@ def follow_tensor(value: Any, plans: list[Plan]) -> Any:
             f"a {type(value).__name__} cannot follow a batch whose pictures get different sizes"
         )
     (move,) = moves
-    if isinstance(value, tv_tensors.Mask):
-        return v2.functional.resize(
-            value, list(move.after), interpolation=v2.InterpolationMode.NEAREST_EXACT
-        )
     tensor = value.as_subclass(torch.Tensor)
+    if isinstance(value, tv_tensors.Mask):
+        return tv_tensors.wrap(resized_mask(tensor, move.after), like=value)
     if isinstance(value, tv_tensors.KeyPoints):
         return tv_tensors.KeyPoints(_map_key_points(tensor, move), canvas_size=move.after)
     order = str(value.format.value).lower()

@@ -234,11 +234,14 @@ class FromConfig(Corrupt):
         label: use this entry only.
         p_clean: probability that a sample stays clean, 0..1.
         seed: 0 to 2**64 - 1; the configuration's by default.
+        label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target (of a drag,
+            both ends) is visible, and to leave it clean if no draw succeeds; the configuration's by
+            default.
 
     Raises:
         ConfigError: the configuration has mistakes; the message lists all of them.
-        ParameterError: the configuration has no corruption `label`, or a number is out of its
-            range.
+        ParameterError: the configuration has no corruption `label`, or one that acts on more than
+            pictures, or a number is out of its range.
 
     Examples:
         >>> corrupt = tr.FromConfig("paper", label="marks")
@@ -253,6 +256,7 @@ class FromConfig(Corrupt):
         label: str | None = None,
         p_clean: float = 0.0,
         seed: int | None = None,
+        label_policy: str | None = None,
         **shared: Any,
     ) -> None:
         config = load_config(source)
@@ -264,14 +268,19 @@ class FromConfig(Corrupt):
         planners = (
             list(config.corruptions.values()) if label is None else [config.corruptions[label]]
         )
+        policy = config.options.get("label_policy", "keep")
         super().__init__(
             compose.OneOf(planners, p_clean=p_clean),
             seed=config.options.get("seed", 0) if seed is None else seed,
+            label_policy=policy if label_policy is None else label_policy,
             **shared,
         )
 
 
-@explicit(without=("p",))
+_DRAWING = ("p", "seed", "label_policy")  # arguments that decide how plans are drawn
+
+
+@explicit(without=_DRAWING)
 class Replay(Corrupt):
     """Applies saved plans.
 
@@ -280,7 +289,7 @@ class Replay(Corrupt):
             take the plan that the sample carries under `"plan"`.
 
     Raises:
-        ParameterError: `p` is passed, or a sample has no plan.
+        ParameterError: `p`, `seed` or `label_policy` is passed, or a sample has no plan.
         ParameterTypeError: a plan is neither a `Plan` nor its JSON text.
         PlanError: the JSON text of a plan is damaged.
 
@@ -295,9 +304,10 @@ class Replay(Corrupt):
     def __init__(
         self, plan: Plan | str | Mapping[Any, Plan | str] | None = None, **shared: Any
     ) -> None:
-        if "p" in shared:
+        drawing = next((name for name in _DRAWING if name in shared), None)
+        if drawing is not None:
             raise ParameterError(
-                "Replay applies the plans it is given to every sample; it has no p"
+                f"Replay applies the plans it is given to every sample; it has no {drawing}"
             )
         super().__init__(compose.Sequence([_Nothing()]), **shared)
         several = isinstance(plan, Mapping)

@@ -33,11 +33,12 @@ class FromConfig(Corrupt):
         label: use this entry only.
         p_clean: probability that a sample stays clean, 0..1.
         seed: 0 to 2**64 - 1; the configuration's by default.
+        label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target (of a drag,
+            both ends) is visible, and to leave it clean if no draw succeeds; the
+            configuration's by default.
         id_from: `"entry"` takes the sample's id from its entry `id_key`; `"content"` derives it
             from the pixels, for pictures that come alone: the same picture then gets the same
             corruption until `set_epoch` is called.
-        label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target (of a drag,
-            both ends) is visible, and to leave it clean if no draw succeeds.
         return_plan: put the plan under `"plan"` and the visible share of the target under
             `"target_visible"` (of a drag, the lesser share of both ends; NaN without a target);
             with `"json"` the plan is text, which a dataset can store.
@@ -52,8 +53,8 @@ class FromConfig(Corrupt):
 
     Raises:
         ConfigError: the configuration has mistakes; the message lists all of them.
-        ParameterError: the configuration has no corruption `label`, or a number is out of its
-            range.
+        ParameterError: the configuration has no corruption `label`, or one that acts on more than
+            pictures, or a number is out of its range.
 
     Examples:
         >>> corrupt = tr.FromConfig("paper", label="marks")
@@ -68,8 +69,8 @@ class FromConfig(Corrupt):
         label: str | None = None,
         p_clean: float = 0.0,
         seed: int | None = None,
+        label_policy: str | None = None,
         id_from: str = "entry",
-        label_policy: str = "keep",
         return_plan: bool | str = False,
         id_key: str = "id",
         image_key: str | None = None,
@@ -272,12 +273,9 @@ class Replay(Corrupt):
     Args:
         plan: a `Plan` or its JSON text for every sample, a mapping from ids to those, or `None`
             to take the plan that the sample carries under `"plan"`.
-        seed: 0 to 2**64 - 1.
         id_from: `"entry"` takes the sample's id from its entry `id_key`; `"content"` derives it
             from the pixels, for pictures that come alone: the same picture then gets the same
             corruption until `set_epoch` is called.
-        label_policy: `"keep"`, or `"avoid"` to draw again until the sample's target (of a drag,
-            both ends) is visible, and to leave it clean if no draw succeeds.
         return_plan: put the plan under `"plan"` and the visible share of the target under
             `"target_visible"` (of a drag, the lesser share of both ends; NaN without a target);
             with `"json"` the plan is text, which a dataset can store.
@@ -290,7 +288,7 @@ class Replay(Corrupt):
         target: the declared entry that must stay visible; see `hijack_data.labels.Labels`.
 
     Raises:
-        ParameterError: `p` is passed, or a sample has no plan.
+        ParameterError: `p`, `seed` or `label_policy` is passed, or a sample has no plan.
         ParameterTypeError: a plan is neither a `Plan` nor its JSON text.
         PlanError: the JSON text of a plan is damaged.
 
@@ -304,9 +302,7 @@ class Replay(Corrupt):
         self,
         plan: Plan | str | Mapping[Any, Plan | str] | None = None,
         *,
-        seed: int = 0,
         id_from: str = "entry",
-        label_policy: str = "keep",
         return_plan: bool | str = False,
         id_key: str = "id",
         image_key: str | None = None,

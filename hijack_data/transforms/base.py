@@ -7,6 +7,7 @@ from typing import Any, cast
 
 import torch
 
+from ..chained_draws import check_chain, find_draws, note_chain
 from ..compose import sometimes
 from ..epochs import RepeatNotice
 from ..errors import ParameterError
@@ -124,12 +125,19 @@ class Corrupt(v2.Transform):
             acting, scalar(seed, "seed", 0), label_policy, id_key, label_set
         )
         self.id_from = id_from
+        ids = id_key if id_from == "entry" else f"the {id_from}"
+        self._draws = find_draws(acting, self.settings.seed, ids)
         self.image_key = image_key
         self.return_plan = return_plan
         self._epoch: torch.Tensor = torch.zeros(
             1, dtype=torch.int64
         ).share_memory_()  # shared, so that DataLoader workers see changes
         self._repeats = RepeatNotice(_REMEDY)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Share the epoch of a copy with workers, as that of the original is."""
+        super().__setstate__(state)  # pyright: ignore[reportUnknownMemberType]
+        self._epoch.share_memory_()
 
     def set_epoch(self, epoch: int) -> None:
         """Set the epoch of samples without an `epoch` entry; running workers see it, too."""
@@ -154,6 +162,7 @@ class Corrupt(v2.Transform):
             readable,
             lambda size, pictures: self._plan(size, readable, pictures),
             seed=self._seed,
+            draws=self._draws,
             return_plan=self.return_plan,
         )
         return rebuild({**entries, **changes})
@@ -174,6 +183,8 @@ class Corrupt(v2.Transform):
         labels = self.settings.labels
         of_batch, _ = find_pictures(entries, labels.is_picture)
         arrays = check_pictures(entries, of_batch, count)
+        pixels = (picture.pixels for picture in of_batch)
+        chain = check_chain(self.settings.planner, self._draws, pixels)
         shared = {key for key, value in entries.items() if is_tensor(value, *FOLLOWING)}
         readable = plain(entries)
         rows = self._rows(readable, count, {picture.path[0] for picture in of_batch})
@@ -208,6 +219,8 @@ class Corrupt(v2.Transform):
                 out.get(key, row.get(key)) for out, row in zip(changed_rows, rows, strict=True)
             ]
             changes[key] = joined(values, entries.get(key))
+        of_batch, _ = find_pictures({**entries, **changes}, labels.is_picture)
+        note_chain(chain, (picture.pixels for picture in of_batch))
         return changes
 
     def _rows(self, entries: DatasetRow, count: int, pictures: set[str]) -> list[DatasetRow]:

@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from PIL import Image
 
+from ..batches import check_not_transposed
 from ..errors import ImageError, ParameterError
 from ..labels.label_declarations import FIXED_ENTRIES
 from ..labels.torchvision_labels import corners
@@ -71,7 +72,8 @@ def value_per_picture(values: Any, count: int, name: str) -> list[Any]:
     """Return one value for each picture of a batch; a single integer applies to all.
 
     Raises:
-        ParameterError: the number of values is not that of the pictures.
+        ParameterError: the number of values is not that of the pictures, or each array among them
+            seems to hold one number for each picture.
     """
     if not is_many(values) or len(values) != count:
         if isinstance(values, int):
@@ -80,6 +82,7 @@ def value_per_picture(values: Any, count: int, name: str) -> list[Any]:
             f"{name} must hold one entry for each of the {count} pictures of the batch, got"
             f" {values!r}"
         )
+    check_not_transposed(values, count, name)
     return list(values)
 
 

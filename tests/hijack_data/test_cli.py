@@ -122,7 +122,7 @@ def test_apply_prints_one_object(screen, tmp_path):
     assert np.array_equal(pixels, hj.apply(plan, load_image(screen)[0]))
 
 
-def test_a_saved_plan_is_replayed(screen, tmp_path):
+def test_a_saved_plan_is_replayed(screen, tmp_path, capsys):
     value, two, plan = (tmp_path / name for name in ("1.png", "2.png", "p.json"))
     assert (
         run("apply", screen, "pop_ups", "-o", value, "--seed", 3, "--save-plan", plan).returncode
@@ -134,7 +134,9 @@ def test_a_saved_plan_is_replayed(screen, tmp_path):
         run("apply", screen, "marks", "-o", two, "--plan", plan),
         "a plan of pop_ups-v2, not of marks",
     )
-    refused(run("apply", screen, "-o", two, "--plan", plan, "--set", "width=3"), "leave out --set")
+    for words in (["--set", "width=3"], ["--severity", 2], ["--seed", 3], ["--step", 0]):
+        result = inside(capsys, "apply", screen, "-o", two, "--plan", plan, *words)
+        refused(result, f"leave out {words[0]}")
     Image.new("RGB", (50, 40)).save(tmp_path / "small.png")
     refused(
         run("apply", tmp_path / "small.png", "-o", two, "--plan", plan),
@@ -175,6 +177,10 @@ def test_the_tree_is_used(screen, tmp_path):
         (["marks", "--set", "nmber=3"], ["no parameter 'nmber'; did you mean 'number'"]),
         (["marks", "--set", "number=many"], ["marks.number must be an integer, got 'many'"]),
         (["marks", "--set", "number=-3"], ["marks.number must be int in [0, 100000], got -3"]),
+        (["marks", "--set", "number=010"], ["got '010' (str); write 10 (octal is not read)"]),
+        (["marks", "--set", "number=1:30"], ["numbers to the base of 60 are not read"]),
+        (["marks", "--set", "number=["], ["--set number=[", "not valid YAML"]),
+        (["marks", "--set", "avoid_elements=no"], ["got 'no' (str); write false"]),
         (["marks", "--set", "number"], ["must be key=value"]),
         (["marks", "--set", "number=5", "--set", "number=6"], ["--set number is given twice"]),
         (["marks", "--set", "number=5", "--set", "number=5"], ["--set number is given twice"]),

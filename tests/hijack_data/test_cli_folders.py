@@ -42,6 +42,18 @@ def test_every_picture_of_a_folder_is_corrupted_with_a_plan_of_its_own(
     assert np.array_equal(Image.open(value), Image.open(out / "a.png"))
 
 
+def test_each_picture_of_a_folder_has_a_file_of_its_own(folder: Path, tmp_path: Path) -> None:
+    picture = (folder / "a.png").read_bytes()
+    for name in ("a.bmp", "a.bmp.png", "a.gif.bmp", "a.gif.webp"):
+        (folder / name).write_bytes(picture)
+    out = tmp_path / "out"
+    words = ["apply", str(folder), "marks", "-o", str(out), *FEW, "--json"]
+    report = json.loads(CliRunner().invoke(hijack, words, catch_exceptions=False).stdout)
+    names = [row["file"] for row in report["pictures"]]
+    assert sorted(names) == sorted(str(p.relative_to(out)) for p in out.rglob("*.png"))
+    assert len(set(names)) == 7
+
+
 def test_pictures_that_cannot_be_read_are_told(folder: Path, tmp_path: Path) -> None:
     (folder / "bad.png").write_text("x")
     result = RUN.invoke(hijack, ["apply", str(folder), "marks", "-o", str(tmp_path / "out"), *FEW])

@@ -225,6 +225,11 @@ def test_needs_elements_is_passed_on():
             "1 ends for 8 pictures",
         ),
         (lambda: aug()(batch(IDS), ids=IDS, ends=["a"] * 8, seed=1), ParameterTypeError, "a point"),
+        (
+            lambda: aug()(batch("ab"), ids=["a", "b"], targets=[np.array([5, 6])] * 2, seed=1),
+            ParameterError,
+            "targets of a batch of 2.*one number of all pictures each",
+        ),
         (lambda: aug()(batch(IDS), ids=IDS, seed=-1), ParameterError, "seed must be"),
     ],
 )

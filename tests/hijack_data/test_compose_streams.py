@@ -2,7 +2,10 @@
 coincide."""
 
 import math
+import os
 import pickle
+import subprocess
+import sys
 from collections import Counter
 
 import pytest
@@ -86,6 +89,25 @@ def test_transforms_reach_every_leaf(tmp_path):
     for transform in (configured, nested_twice):
         counts = count_colors(transform.settings.planner)
         assert chisquare([counts[color] for color in COLORS]).pvalue > 1e-4
+
+
+def test_the_draws_of_a_transform_have_one_pickle_in_every_process():
+    code = (
+        "import pickle, hijack_data as hj\n"
+        "from hijack_data.chained_draws import find_draws\n"
+        "half = hj.OneOf([hj.Marks(), hj.Resolution()], p_clean=0.5)\n"
+        "print(pickle.dumps(find_draws(hj.OneOf([half, half], p_clean=0.5), 3, 'id')))"
+    )
+    pickles = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            env={**os.environ, "PYTHONHASHSEED": hash_seed},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for hash_seed in "123"
+    }
+    assert len(pickles) == 1
 
 
 def wrapped():

@@ -140,6 +140,15 @@ def test_random_corrupt_draws_anew_in_each_epoch_and_resumes_within_one():
     assert [(e["id"], e["plan"].digest()) for e in resumed] == run[17:]
 
 
+def test_two_maps_that_draw_alike_are_refused():
+    first, second = (hg.Corrupt(spec, p=0.5) for spec in (SPEC, hj.Resolution(restore=True)))
+    with pytest.raises(ParameterError, match="both draw alike"):
+        second.map(first.map(rows()[0]))
+    by_visit = hg.RandomCorrupt(SPEC, p=0.5)
+    generator = np.random.default_rng(1)
+    by_visit.random_map(by_visit.random_map(rows()[0], generator), generator)
+
+
 def test_without_ids_grains_generator_decides():
     def made(seed):
         dataset = grain.MapDataset.source(rows(ids=False)).seed(seed)

@@ -336,6 +336,17 @@ def test_datasets_map_and_with_transform(tmp_path):
     assert hj.Plan.from_json(message[0]["plan"]).out_size == (108, 192)
 
 
+def test_masks_of_torchvision_are_picked_as_all_masks_are():
+    mask = torch.from_numpy(np.random.default_rng(1).integers(0, 9, (2, 48, 640), np.uint8))
+    sample = {"image": torch.zeros((3, 48, 640), dtype=torch.uint8), "id": 1, "mask": mask.numpy()}
+    out = tr.Resolution(scale=0.77, labels={"mask": "mask"})(
+        {**sample, "tv": tv_tensors.Mask(mask)}
+    )
+    assert isinstance(out["tv"], tv_tensors.Mask)
+    # the centre of row 18 of the 37 lies on the edge of two rows of the 48
+    assert np.array_equal(out["tv"].numpy(), out["mask"])
+
+
 def test_tv_tensors_dictionaries_actions_and_code_agree():
     x, y = 399, 399
     screen = tv_tensors.Image(torch.zeros((3, 400, 400), dtype=torch.uint8))
@@ -470,8 +481,9 @@ def test_p_is_the_probability_that_a_sample_is_corrupted():
     for p, error in (([0.5], ParameterTypeError), (1.5, ParameterError), ("1", ParameterTypeError)):
         with pytest.raises(error, match="p "):
             tr.Marks(p=p)
-    with pytest.raises(ParameterError, match="no p"):
-        tr.Replay(p=0.5)
+    for name, value in (("p", 0.5), ("seed", 3), ("label_policy", "avoid")):
+        with pytest.raises(ParameterError, match=f"it has no {name}$"):
+            tr.Replay(**{name: value})
 
 
 def test_labels_in_bfloat16_follow():

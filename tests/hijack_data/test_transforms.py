@@ -9,6 +9,7 @@ from PIL import Image
 
 import hijack_data as hj
 from hijack_data.conformance import picture, reference
+from hijack_data.corruption import make_corruption
 from hijack_data.errors import (
     ImageError,
     ImageTypeError,
@@ -255,6 +256,71 @@ def test_batches_whose_sizes_change():
         )
 
 
+@pytest.mark.parametrize(
+    ("entry", "labels"),
+    [
+        ({"target": (20, 30)}, None),
+        ({"bbox": (10, 20, 30, 40)}, {"bbox": "xyxy"}),
+        ({"elements": [[10, 20, 30, 40]] * 4}, None),
+        ({"objects": [{"bbox": [10, 20, 30, 40]}] * 4}, {"objects.bbox": "xyxy"}),
+    ],
+)
+def test_labels_that_default_collate_transposed_are_refused(entry, labels):
+    from torch.utils.data import default_collate
+
+    (value,) = entry.values()
+    rows = [{"image": tensor(i), "id": i, **entry} for i in range(len(value))]
+    half = tr.Resolution(scale=0.5, labels=labels)
+    with pytest.raises(ParameterError, match="one number of all pictures each"):
+        half(default_collate(rows))
+    (key,) = entry
+    half({**default_collate(rows), key: [row[key] for row in rows]})
+
+
+def test_a_plan_in_the_sample_is_not_replaced():
+    sample = {"image": tensor(), "id": "a", "target": (30, 40)}
+    once = tr.PopUps(width=200, height=120, return_plan=True)(sample)
+    for second in (tr.Marks(return_plan=True), tr.Marks(return_plan="json")):
+        with pytest.raises(ParameterError, match="entry 'plan' already"):
+            second(once)
+    assert tr.Marks()(once)["plan"] == once["plan"]
+    assert tr.Replay(return_plan=True)({**sample, "plan": once["plan"]})["plan"] == once["plan"]
+
+
+MARKS, WORDS = hj.Marks(number=3, mark_size=4), hj.Subtitle(font_size=10)
+
+
+@pytest.mark.parametrize("kind", ["tensor", "batch", "tv_tensor", "array", "PIL"])
+def test_transforms_in_a_row_that_draw_alike_are_refused(kind):
+    picture_kinds = {
+        "tensor": lambda: tensor(),
+        "batch": lambda: torch.stack([tensor(), tensor(1)]),
+        "tv_tensor": lambda: tv_tensors.Image(tensor()),
+        "array": lambda: picture(SIZE),
+        "PIL": lambda: Image.fromarray(picture(SIZE)),
+    }
+    sample = {"image": picture_kinds[kind](), "id": ["a", "b"] if kind == "batch" else "a"}
+    first = tr.Corrupt(MARKS, p=0.5)
+    for second in (
+        tr.Corrupt(WORDS, p=0.5),
+        tr.OneOf([WORDS], p_clean=0.1),
+        tr.Sequence([hj.Schedule(at=lambda _epoch: WORDS)], p=0.3),
+        tr.Marks(color="blue"),
+        tr.Sequence([MARKS]),  # the place of the first's marks in its tree
+    ):
+        with pytest.raises(ParameterError, match="both draw alike"):
+            v2.Compose([first, tr.Marks(), tr.Resolution(restore=True), second])(sample)
+    for second in (
+        tr.Corrupt(WORDS, p=0.5, seed=1),
+        tr.OneOf([WORDS, MARKS]),  # it draws which, not whether
+        tr.Sequence([hj.OneOf([WORDS], p_clean=0.5)]),  # at another place
+        tr.Sequence([WORDS, tr.Marks()]),
+        tr.Corrupt(WORDS),  # which draws nothing
+    ):
+        v2.Compose([tr.Corrupt(WORDS), first, second])(sample)
+        first(sample)  # the same picture for another one, not in a row
+
+
 def test_replay():
     sample = {"image": tensor(), "id": "a"}
     result = tr.OneOf(three_transforms(), seed=3, return_plan=True)(sample)
@@ -306,7 +372,25 @@ def test_combinators_and_configurations():
     assert tr.FromConfig("paper", label="subtitle", seed=5).settings.seed == 5
     with pytest.raises(ParameterError, match="no corruption 'pop'; it has marks, subtitle"):
         tr.FromConfig(config, label="pop")
+    avoiding = {**config, "label_policy": "avoid"}
+    assert tr.FromConfig(avoiding).settings.label_policy == "avoid"
+    assert tr.FromConfig(avoiding, label_policy="keep").settings.label_policy == "keep"
+    with pytest.raises(ParameterError, match="keep or avoid, got 'drop'"):
+        tr.FromConfig({**config, "label_policy": "drop"})
     assert len(tr.Marks(severity=4, return_plan=True, mark_size=4)(sample)["plan"].ops[0].at) == 100
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (lambda: tr.FromConfig("paper"), "multi_apps, .*, verification"),
+        (lambda: tr.OneOf([tr.Marks(), hj.Sequence([hj.NetworkError()])]), "network_error"),
+        (lambda: tr.Corrupt(make_corruption("missed_input")), "missed_input"),
+    ],
+)
+def test_what_leaves_pictures_clean_is_refused(make, names):
+    with pytest.raises(ParameterError, match=f"{names}.*would stay clean"):
+        make()
 
 
 def test_subtitles_shrink_where_they_do_not_fit():

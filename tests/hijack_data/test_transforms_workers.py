@@ -1,7 +1,9 @@
 """DataLoader workers: their number, the way they start and the order of samples change nothing."""
 
+import copy
 import hashlib
 import multiprocessing
+import pickle
 
 import numpy as np
 import pytest
@@ -70,11 +72,16 @@ def test_spawned_workers(alone):
     assert load_samples(num_workers=1, multiprocessing_context="spawn", shuffle=True) == alone
 
 
+def pickled(transform):
+    return pickle.loads(pickle.dumps(transform))
+
+
+@pytest.mark.parametrize("made", [lambda transform: transform, copy.deepcopy, pickled])
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning", "ignore:.*fork.*:RuntimeWarning")
-def test_workers_that_stay_see_the_epoch_change(alone):
+def test_workers_that_stay_see_the_epoch_change(alone, made):
     if "fork" not in multiprocessing.get_all_start_methods():
         pytest.skip("this system cannot fork")
-    transform = augmentation()
+    transform = made(augmentation())
     loader = DataLoader(
         Rows(transform),
         batch_size=3,

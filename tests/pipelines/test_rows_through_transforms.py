@@ -101,6 +101,17 @@ def test_rows_of_pictures_and_batches_do_so_too(dataset: Path) -> None:
         same({key: batch[key][i] for key in row}, row)
 
 
+def test_the_plan_of_a_row_that_is_corrupted_again_is_the_whole(dataset: Path) -> None:
+    for row in open_dataset(dataset):
+        for form in (True, "json"):
+            made = tr.Marks(seed=SEED, number=60, return_plan=form)(row)
+            plan = made["plan"] if form is True else Plan.from_json(made["plan"])
+            assert plan.digest() == made["plan_digest"]
+            assert plan.size == Plan.from_json(row["plan"]).size
+            if row["target_visible"] is not None and plan.out_size == plan.size:
+                assert made["target_visible"] <= row["target_visible"]
+
+
 def test_grain_rows_do_so_too(dataset: Path) -> None:
     hg = pytest.importorskip("hijack_data.grain")
     from pipelines.loaders.grain import GrainSource

@@ -290,6 +290,18 @@ BACKENDS = {
 }
 
 
+LEVELS = {
+    "that nothing uses": (
+        "all severities do the same",
+        {
+            "about": "severities: ClassVar[Any] = tuple({'half': h} if h else {} for h in"
+            " (3, 6, 0, 20, 40))",
+            "code": "size = 9",
+        },
+    )
+}
+
+
 def catalogue() -> dict[str, tuple[str, str, dict[str, str]]]:
     """All kinds by name: the check that finds it, words of the problem (parted by |), slots."""
     entries: dict[str, tuple[str, str, dict[str, str]]] = {}
@@ -309,6 +321,7 @@ def catalogue() -> dict[str, tuple[str, str, dict[str, str]]]:
             },
         ),
         ("visible", VISIBLE),
+        ("levels", LEVELS),
         ("backends", BACKENDS),
         ("parameters", PARAMETERS),
         ("registered", REGISTERED),
