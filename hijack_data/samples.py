@@ -65,8 +65,8 @@ class SamplePlanner:
         live = [leaf.label for leaf in leaves(self.planner) if leaf.effects or leaf.inputs]
         if live:
             raise ParameterError(
-                f"{', '.join(live)}: acts on the machine or the agent's input, and samples are"
-                " pictures, which would stay clean: leave it out, or build a dataset with it"
+                f"{', '.join(live)}: samples are pictures, which stay clean under a corruption of"
+                " the machine or of the agent's input: leave it out, or build a dataset with it"
                 " (hijack build)"
             )
         if self.label_policy not in LABEL_POLICIES:
