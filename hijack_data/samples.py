@@ -22,7 +22,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, cast
 
-from .chained_draws import Draws, check_chain, note_chain
+from .chained_draws import NO_DRAWS, Draws, check_chain, note_chain
 from .errors import ParameterError, ParameterTypeError
 from .labels import Declared, Labels
 from .labels.dataset_rows import corrupted_row, is_row, read_row_plan, visible_after
@@ -126,7 +126,7 @@ class SamplePlanner:
         make_plan: Callable[[Size, list[SamplePicture]], Plan],
         *,
         seed: int | None,
-        draws: Draws,
+        draws: Draws = NO_DRAWS,
         return_plan: bool | str = False,
     ) -> dict[str, Any]:
         """Return the entries of a sample that change when its pictures are corrupted.

@@ -37,7 +37,7 @@ def structure(planner: Any) -> Any:
     """What makes two planners equal; combinators have no equality of their own."""
     if isinstance(planner, hj.OneOf):
         # a running sum: equal to the last bits
-        edges = [round(edge, 9) for edge in vars(planner)["_edges"].tolist()]
+        edges = [round(edge, 9) for edge in vars(planner)["_edges"]]
         return "one_of", [structure(p) for p in planner.options], planner.p_clean, edges
     if isinstance(planner, hj.Sequence):
         return "sequence", [structure(p) for p in planner.parts]
