@@ -186,8 +186,10 @@ class SamplePlanner:
         Raises:
             ParameterError: the sample has an entry `plan` that is another one.
         """
-        earlier = read_row_plan(sample, plan.size) if is_row(sample) else None
-        if not is_row(sample) and sample.get("plan") not in (None, plan, plan.to_json()):
+        earlier = None
+        if is_row(sample):
+            earlier = read_row_plan(sample, plan.size)
+        elif sample.get("plan") is not None and sample["plan"] not in (plan, plan.to_json()):
             raise ParameterError(
                 "the sample has an entry 'plan' already, and return_plan would put another in its"
                 " place: put both transforms into one Sequence, or rename that entry"

@@ -92,17 +92,17 @@ def _output_names(names: list[Path]) -> dict[Path, Path]:
     """Return the `.png` name of each result; if it is taken, the old suffix stays before `.png`."""
     counts = Counter(name.with_suffix(".png") for name in names)
     targets = {name: name for name in names if name.suffix == ".png"}
-    taken = set(targets)
+    used_names = set(targets)
     for name in names:
         if name in targets:
             continue
         target = name.with_suffix(".png")
         if counts[target] > 1:
             target = name.with_name(f"{name.name}.png")
-        while target in taken:
+        while target in used_names:
             target = target.with_name(f"{target.name}.png")
         targets[name] = target
-        taken.add(target)
+        used_names.add(target)
     return {name: targets[name] for name in names}
 
 

@@ -2,8 +2,8 @@
 
 `seal.json` holds the SHA-256 of `run.json`, of `records.jsonl` and of each `episode.json`, whose
 chains of hashes cover all lines and pictures (see `run_log`), and that of `sessions.jsonl` if the
-run was resumed. It is signed by OpenSSH's own
-`ssh-keygen -Y sign`, so anyone can check `seal.json.sig` without this library.
+run was resumed. It is signed by OpenSSH's own `ssh-keygen -Y sign`, so anyone can check
+`seal.json.sig` without this library.
 """
 
 import json

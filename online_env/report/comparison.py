@@ -8,11 +8,11 @@ from hijack_data.errors import quantity, shorten_list
 
 from ..extra import require
 from ..results import scores
-from ..results.reading import ResultRecord, Run
+from ..results.reading import Run
 from . import formatting
-from .identity import run_identity, task_code
+from .identity import played_commits, run_identity, task_code
 from .model import ReportError, RunIdentity
-from .notes import partial_note, played_commits
+from .notes import partial_note
 from .unplayable import counted_records
 
 PACKAGE = "agenthijack"
@@ -252,12 +252,12 @@ def _instruction_note(
     before: Run, after: Run, names: tuple[str, str], agent_pairs: Mapping[str, str]
 ) -> Iterator[str]:
     """Yield how many compared cases asked for something else, though they have the same name."""
-    earlier = {_case(record): record for record in before.last_attempts}
+    earlier = scores.latest(before.records)
     old_names = {new: old for old, new in agent_pairs.items()}
     differing = [
-        record["task"]
-        for record in after.last_attempts
-        if (old := earlier.get((old_names.get(record["agent"]), *_case(record)[1:])))
+        task
+        for (agent, label, task, variant, seed), record in scores.latest(after.records).items()
+        if (old := earlier.get((old_names.get(agent, ""), label, task, variant, seed)))
         and old.get("instruction") != record.get("instruction")
     ]
     if differing:
@@ -266,17 +266,6 @@ def _instruction_note(
             f"{quantity(len(differing), 'case')} had another instruction in {names[0]} than in"
             f" {names[1]} ({listed}): what differs may be the task, not the agent."
         )
-
-
-def _case(record: ResultRecord) -> tuple[Any, ...]:
-    """Return the agent of a record, and what pairs it with one of another run."""
-    return (
-        record["agent"],
-        record["corruption"],
-        record["task"],
-        record.get("task_seed"),
-        record["seed"],
-    )
 
 
 def _names(before: Run, after: Run) -> tuple[str, str]:

@@ -16,6 +16,7 @@ from hijack_data.runs.run_log import RUN, UNTIL_RETENTION, sha256_hex
 
 from ..results import scores
 from ..results.episode_columns import EpisodeColumns
+from ..results.origin import library_commits
 from ..results.outcomes import RESULTS
 from ..results.reading import ResultRecord, Run, read_head
 from .model import YEAR_10000, RunIdentity
@@ -212,6 +213,14 @@ def _source_name(source: str) -> str:
         return source
     last = re.split(r"[/\\]", source)[-1]
     return "" if last in (".", "..") else last
+
+
+def played_commits(run: Run) -> list[tuple[int, str]]:
+    """Return which commits of this library played a run, each with the number of episodes before.
+
+    None of a log without a head and of results of other harnesses.
+    """
+    return library_commits(run.folder, _head(run)) if _has_head(run) else []
 
 
 def _head(run: Run) -> Mapping[str, Any]:

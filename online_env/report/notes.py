@@ -9,13 +9,14 @@ from hijack_data.errors import quantity, shorten_list
 from hijack_data.plan import CLEAN
 from hijack_data.runs.amounts import is_count
 from hijack_data.runs.privileged_inputs import describe_privileged_inputs
-from hijack_data.runs.run_log import RUN, UNTIL_RETENTION
+from hijack_data.runs.run_log import UNTIL_RETENTION
 
-from ..results import origin, scores
+from ..results import scores
 from ..results.episode_columns import EpisodeColumns
 from ..results.outcomes import RESULTS
 from ..results.reading import Run
 from .formatting import SIGNIFICANT_P
+from .identity import played_commits
 from .model import UNPAIRED_NOTE, RunReport
 
 
@@ -105,11 +106,11 @@ def repeat_note(run: Run) -> Iterator[str]:
     """Yield how many episodes with a score do not count, since their case was played again."""
     if isinstance(run.records, EpisodeColumns):
         return
-    counted = {id(record) for record in run.last_attempts}
+    counted_ids = {id(record) for record in run.last_attempts}
     replaced = Counter(
         f"{record['agent']} under {record['corruption']}"
         for record in run.records
-        if record["status"] == "ok" and id(record) not in counted
+        if record["status"] == "ok" and id(record) not in counted_ids
     )
     if replaced:
         listed = ", ".join(f"{name} {count}" for name, count in replaced.items())
@@ -117,16 +118,6 @@ def repeat_note(run: Run) -> Iterator[str]:
             f"{quantity(replaced.total(), 'episode')} with a score left out: the same case (agent,"
             f" condition, task and seed) was played again, and the last attempt counts ({listed})."
         )
-
-
-def played_commits(run: Run) -> list[tuple[int, str]]:
-    """Return which commits of this library played a run, each with the number of episodes before.
-
-    None of a log without a head and of results of other harnesses.
-    """
-    if run.config.get("kind") == RESULTS or not (run.folder / RUN).exists():
-        return []
-    return origin.library_commits(run.folder)
 
 
 def commit_note(run: Run) -> Iterator[str]:

@@ -93,12 +93,12 @@ def _shared_value(
     Raises:
         ParameterError: There are several.
     """
-    known = [record for record in records if read(record) is not None]
-    if not known:
+    with_value = [record for record in records if read(record) is not None]
+    if not with_value:
         return None
-    first = known[0]
+    first = with_value[0]
     value = read(first)
-    for other in known:
+    for other in with_value:
         if read(other) != value:
             texts = _differing_texts(value, read(other))
             raise ParameterError(

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias, cast
 
 from hijack_data.file_io import unwritable
 from hijack_data.runs.run_head import config_digest
-from hijack_data.runs.run_log import RECORDS, RUN, SESSIONS
+from hijack_data.runs.run_log import RECORDS, SESSIONS
 
 RunOrigin: TypeAlias = dict[str, Any]
 GIT_TIMEOUT_S = 10.0  # s
@@ -158,25 +158,32 @@ def _library_state(origin: Mapping[str, Any], name: str) -> object:
     return value
 
 
-def library_commits(folder: Path) -> list[tuple[int, str]]:
+def library_commits(folder: Path, head: Mapping[str, Any]) -> list[tuple[int, str]]:
     """Return with which commits of this library the records of a run were made.
 
     Args:
-        folder: Of the run, which has a readable head.
+        folder: Of the run.
+        head: The content of its `run.json`.
 
     Returns:
         How many records were there before, and the commit, in their order; a commit that follows on
         itself is there once, one under which nothing was recorded is not.
     """
-    head: Mapping[str, Any] = json.loads((folder / RUN).read_bytes())
-    starts = [(0, head), *((session.get("records"), session) for session in sessions(folder))]
-    known = [(start, _commit_text(origin)) for start, origin in starts if isinstance(start, int)]
-    ends = [start for start, _ in known[1:]] + [sum(map(bool, _lines(folder / RECORDS)))]
+    origins = [(0, head), *((session.get("records"), session) for session in sessions(folder))]
+    starts = [(start, _commit_text(origin)) for start, origin in origins if isinstance(start, int)]
+    ends = [start for start, _ in starts[1:]] + [_count_records(folder / RECORDS)]
     commits: list[tuple[int, str]] = []
-    for (start, commit), end in zip(known, ends, strict=True):
+    for (start, commit), end in zip(starts, ends, strict=True):
         if start < end and (not commits or commits[-1][1] != commit):
             commits.append((start, commit))
     return commits
+
+
+def _count_records(path: Path) -> int:
+    try:
+        return sum(map(bool, path.read_bytes().split(b"\n")))
+    except OSError:
+        return 0
 
 
 def _commit_text(origin: Mapping[str, Any]) -> str:

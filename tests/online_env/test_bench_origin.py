@@ -147,7 +147,7 @@ def test_the_commits_that_played_the_episodes_are_told(tmp_path):
     records.append_all(folder, [{"id": name} for name in IDS[:3]])
     for commit, count in (("a", 1), ("b", 2), ("c", 3), ("c", 3)):
         origin.add_session(folder, code(commit * 40, dirty=commit == "b"), count)
-    assert origin.library_commits(folder) == [
+    assert origin.library_commits(folder, reading.read_head(folder)) == [
         (0, "aaaaaaaa"),
         (2, "bbbbbbbb with uncommitted changes"),
     ]
