@@ -44,6 +44,7 @@ from support.scoring import dataset, write_agents
 
 ROOT = Path(__file__).resolve().parents[2]
 CLICK = "pyautogui.click(300, 200)"
+WAITS = [[f"pyautogui.sleep({seconds})"] for seconds in (1, 2, 4, 8)]
 SIZE = (1080, 1920)
 
 
@@ -121,23 +122,24 @@ def test_a_locked_screen_is_reported_once_and_unlocked_before_the_agent_is_asked
 def test_a_click_that_changes_nothing_is_waited_for_then_repeated():
     agent = Says(CLICK, "WAIT", CLICK, "pyautogui.hotkey('ctrl', 'c')", "DONE")
     guarded = Guarded(agent, rules())
-    assert play(guarded, *[0] * 6) == [[CLICK], ["WAIT"], ["WAIT"], ["WAIT"], [CLICK], ["WAIT"]]
+    assert play(guarded, *[0] * 7) == [[CLICK], *WAITS, [CLICK], ["WAIT"]]
     kinds = {intervention["kind"] for intervention in guarded.guard_record["interventions"]}
     assert kinds == {UNCHANGED}
-    # the agent's own waiting is no click, nor is a hotkey, and what came is no reason to wait
+    # the agent's own waiting is no click, nor is a key, and what came is no reason to wait
     assert play(guarded, 0, 1, 1) == [[CLICK], ["pyautogui.hotkey('ctrl', 'c')"], ["DONE"]]
+
+
+def test_enter_is_pressed_again_but_no_other_key():
+    enter, delete = "pyautogui.press('enter')", "pyautogui.press('delete')"
+    agent = Says(enter, delete, "DONE")
+    played = play(Guarded(agent, rules()), *[0] * 8)
+    assert played == [[enter], *WAITS, [enter], [delete], ["DONE"]]
 
 
 def test_text_that_does_not_arrive_is_not_typed_twice_but_told():
     typed = "pyautogui.write('abc')"
     agent = Says(typed, "DONE")
-    assert play(Guarded(agent, rules()), *[0] * 5) == [
-        [typed],
-        ["WAIT"],
-        ["WAIT"],
-        ["WAIT"],
-        ["DONE"],
-    ]
+    assert play(Guarded(agent, rules()), *[0] * 6) == [[typed], *WAITS, ["DONE"]]
     assert "Reminder: The last action has changed nothing" in agent.instructions[1]
 
 

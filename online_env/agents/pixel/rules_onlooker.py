@@ -10,9 +10,10 @@ after that the agent is only reminded.
 | a dialog that says that a program does not respond | clicks the button that waits |
 | all windows went at once, and the panel has their buttons | clicks the button of the last one |
 | a window that came while the agent waited or typed | closes it by its button in the panel |
-| a click, drag or typed text changed nothing | waits up to three times; clicks again, or reminds |
+| a click, Enter, drag or typed text changed nothing | waits 1, 2, 4 and 8 s, then see below |
 
-Keys are left to the agent: many change no picture (Ctrl+C), and a second Enter or Delete may harm.
+After the waits a click or Enter is done again; of a drag or of text the agent is reminded. Other
+keys are left to the agent: many change no picture (Ctrl+C), and a second Delete may harm.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,7 +29,6 @@ from hijack_data.types import Action, Point, Size, UInt8Array
 
 from ...tasks.plan_words import quoted, read_plan
 from ..agent_files import DEFAULT_ERRORS, read_errors
-from ..base import WAIT
 from ..guarded import Notice, PastStep
 from .picture_onlooker import (
     COVERED,
@@ -46,7 +46,8 @@ from .screen_reader import ScreenReader, TextLine
 from .text_matching import even
 
 MAX_SAME = 2  # times that one rule acts in an episode
-MAX_WAITS = 3  # pictures on which a change is waited for
+# Seconds that a change is waited for, each before another look: a busy program is given 15 s.
+WAITS_S = (1, 2, 4, 8)
 UNCHANGED = "The screen did not change"
 NO_RESPONSE = "A program does not respond"
 # Dialogs by their texts, with the button that waits. The last one is xfwm4's.
@@ -60,7 +61,7 @@ POINTER = (-4, -4, 28, 36)
 # A caret that blinks is the one change that nobody caused: at most this wide and high, in pixels.
 CARET_WIDTH, CARET_HEIGHT = 3, 48
 _CLICKS = ("click", "double_click", "triple_click", "right_click", "middle_click")
-_SHOWN = (*_CLICKS, "drag", "type")  # actions that change the picture if they arrive
+_ENTER = (("enter",), ("return",))
 
 
 @dataclass
@@ -97,7 +98,7 @@ class RulesOnlooker:
     @property
     def settings(self) -> Mapping[str, Any]:
         """The limits of the rules, for the record."""
-        return {"version": 1, "max_same": MAX_SAME, "max_waits": MAX_WAITS}
+        return {"version": 2, "max_same": MAX_SAME, "waits_s": list(WAITS_S)}
 
     @property
     def usage(self) -> Mapping[str, Any]:
@@ -132,7 +133,7 @@ class RulesOnlooker:
             self._unanswered = None
             return self._act(finding, picture)
         if not step.is_guards:
-            shows = action is not None and action.type in _SHOWN
+            shows = action is not None and (_may_repeat(action) or action.type in ("drag", "type"))
             self._unanswered = _Unanswered(step, (earlier, self._pointer)) if shows else None
         return self._wait_for_change(picture)
 
@@ -165,12 +166,13 @@ class RulesOnlooker:
             self._unanswered = None
             return Notice()
         say = "The last action has changed nothing on the screen yet."
-        if waiting.waits < MAX_WAITS and (waiting.waits or self._may_act(UNCHANGED)):
+        if waiting.waits < len(WAITS_S) and (waiting.waits or self._may_act(UNCHANGED)):
+            code = f"pyautogui.sleep({WAITS_S[waiting.waits]})"
             waiting.waits += 1
-            return Notice(kind=UNCHANGED, reminder=say, actions=(WAIT,))
+            return Notice(kind=UNCHANGED, reminder=say, actions=(code,))
         self._unanswered = None
         action = _read(waiting.step)
-        if waiting.waits and action is not None and action.type in _CLICKS:
+        if waiting.waits and action is not None and _may_repeat(action):
             return Notice(kind=UNCHANGED, reminder=say, actions=waiting.step.actions)
         return Notice(kind=UNCHANGED, reminder=f"{say} Look again, and repeat it if needed.")
 
@@ -227,6 +229,15 @@ def _read(step: PastStep) -> Action | None:
         return parse_pyautogui(step.actions[0], step.picture.shape[:2])
     except ActionError:
         return None
+
+
+def _may_repeat(action: Action) -> bool:
+    """Return whether an action that changed nothing on the screen can be done once more.
+
+    A click or a lone Enter that arrived is seen. Text is not always: that of a password prompt in a
+    terminal would be typed twice.
+    """
+    return action.type in _CLICKS or (action.type == "hotkey" and action.keys in _ENTER)
 
 
 def _end_point(action: Action | None) -> Point | None:
