@@ -11,7 +11,7 @@ from typing import Any, cast
 from .batches import Corrupted, corrupt_batch, moved_target
 from .errors import ParameterError, ParameterTypeError
 from .params import Parameter
-from .plan import Plan
+from .plan import Plan, joined_params
 from .planner import Planner, as_planner
 from .rng import Branch, Stream, branch
 from .types import Scene
@@ -229,7 +229,7 @@ class Sequence(Augmentation):
 
     def params(self) -> dict[str, Any]:
         """Return the parameters of each part by its id, as plans hold them."""
-        return {part.id: part.params() for part in self.parts}
+        return joined_params([(part.id, part.params()) for part in self.parts])
 
     def to_config(self) -> dict[str, dict[str, Any]]:
         """Return the entry `sequence`; see `Planner.to_config`."""

@@ -8,7 +8,7 @@ dataset row and replayed years later. It holds integers and recipes, but no pixe
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeAlias, cast
@@ -162,6 +162,21 @@ class Plan:
         """The map of coordinates between the corrupted picture and the screen."""
         return CoordMap(observation=self.out_size, screen=self.size)
 
+    @property
+    def parts(self) -> tuple[tuple[str, Mapping[str, Any]], ...]:
+        """The ids of the corruptions that the plan joins, in order, each with its parameters.
+
+        Raises:
+            PlanError: the parameters of one are missing.
+        """
+        ids = self.corruption.split("+")
+        if len(ids) == 1:
+            return ((self.corruption, self.params),)
+        keys = _part_keys(ids)
+        for key in keys:
+            _check(self.params.get(key), Mapping, f"params.{key}", "an object")
+        return tuple((part, self.params[key]) for part, key in zip(ids, keys, strict=True))
+
     def then(self, other: "Plan") -> "Plan":
         """Return the plan that applies this plan and then `other`.
 
@@ -183,7 +198,7 @@ class Plan:
         return Plan(
             corruption=f"{self.corruption}+{other.corruption}",
             size=self.size,
-            params={**_by_name(self), **_by_name(other)},
+            params=joined_params([*self.parts, *other.parts]),
             ops=self.ops + other.ops,
             effects=self.effects + other.effects,
             notes=notes,
@@ -269,8 +284,25 @@ class Plan:
         return content
 
 
-def _by_name(plan: Plan) -> Mapping[str, Any]:
-    return plan.params if "+" in plan.corruption else {plan.corruption: plan.params}
+def joined_params(parts: Sequence[tuple[str, Mapping[str, Any]]]) -> dict[str, Any]:
+    """Return the parameters of the plan that joins these parts.
+
+    Args:
+        parts: the ids of corruptions, in order, each with its parameters.
+
+    Returns:
+        The parameters by id. An id that occurs again has its number: `marks-v1`, `marks-v1#2`.
+    """
+    keys = _part_keys([part for part, _ in parts])
+    return {key: params for key, (_, params) in zip(keys, parts, strict=True)}
+
+
+def _part_keys(ids: Sequence[str]) -> list[str]:
+    numbers = [ids[: place + 1].count(part) for place, part in enumerate(ids)]
+    return [
+        f"{part}#{number}" if number > 1 else part
+        for part, number in zip(ids, numbers, strict=True)
+    ]
 
 
 def _check(value: object, kind: Any, path: str, expected: str) -> Any:

@@ -78,7 +78,7 @@ def _planner(plan: Plan) -> tuple[Planner, str]:
     if "+" not in plan.corruption:
         only = from_plan(plan)
         return only, _source(only)
-    parts = [make_corruption(name, **plan.params[name]) for name in plan.corruption.split("+")]
+    parts = [make_corruption(name, **params) for name, params in plan.parts]
     return Sequence(parts), f"hj.Sequence([{', '.join(map(_source, parts))}])"
 
 

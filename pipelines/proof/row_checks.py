@@ -10,6 +10,7 @@ import numpy as np
 from hijack_data import apply
 from hijack_data.corruption import Corruption
 from hijack_data.errors import HijackError, short_repr
+from hijack_data.frozen import thaw
 from hijack_data.labels.dataset_rows import params_json
 from hijack_data.picture_io import pixel_sha256
 from hijack_data.plan import CLEAN, Plan
@@ -369,12 +370,10 @@ def _check_params(plan: Plan, planner: Planner) -> None:
         params_by_id.setdefault(leaf.id, []).append(leaf.params())
     if not params_by_id:
         return
-    names = plan.corruption.split("+")
-    data = plan.to_data()["params"]
-    for name in names:
+    for name, frozen_params in plan.parts:
         if name not in params_by_id:
             raise DatasetError(f"plan is one of {name}, its label has {', '.join(params_by_id)}")
-        params = data.get(name) if len(names) > 1 else data
+        params = thaw(frozen_params)
         if params not in params_by_id[name]:
             expected = short_repr(params_by_id[name][0])
             raise DatasetError(

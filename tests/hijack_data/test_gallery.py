@@ -310,8 +310,6 @@ def test_a_command_is_left_out_where_it_would_give_another_plan() -> None:
 
 def test_a_plan_that_no_call_makes_has_no_call() -> None:
     scene = hj.Scene((400, 640))
-    twice = hj.Sequence([hj.Marks(number=3), hj.Marks(number=5)])
-    assert python_call(twice.plan(scene, seed=1, sample="x"), scene, 1, "x") is None
     foreign = hj.Plan("mine-v1", (400, 640))
     assert python_call(foreign, scene, 1, "x") is None
     assert cli_call(foreign, 1, "x") is None

@@ -1,6 +1,7 @@
 """Plans are data: exact round trips, and damage is noticed."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -8,6 +9,7 @@ from hypothesis import strategies as st
 
 import hijack_data as hj
 from hijack_data.errors import PlanError
+from hijack_data.gallery.reproduce import python_call
 from hijack_data.plan import MAX_SIDE, Paste, Plan, Resample
 
 MARK = {"draw": "mark", "shape": "circle", "size": 5, "color": "blue"}
@@ -178,6 +180,20 @@ def test_joining_plans():
     assert combined.out_size == (200, 300)
     clean = Plan.clean((400, 600))
     assert clean.then(marks) == marks == marks.then(clean)
+
+
+def test_one_corruption_twice_keeps_both_its_parameters():
+    screen = hj.Scene(size=(400, 600))
+    few, many = hj.Marks(number=3), hj.Marks(number=7)
+    planner = hj.Sequence([few, many, hj.Marks()])
+    joined = planner.plan(screen, seed=1)
+    assert [params["number"] for _, params in joined.parts] == [3, 7, 50]
+    assert dict(joined.params) == planner.params()
+    assert Plan.from_json(joined.to_json()).parts == joined.parts
+    assert "number=3" in python_call(joined, screen, 1, 0)
+    lacking = replace(joined, params={"marks-v1": joined.params["marks-v1"]})
+    with pytest.raises(PlanError, match="params.marks-v1#2"):
+        _ = lacking.parts
 
 
 def test_a_plan_names_the_corruption_that_made_it():

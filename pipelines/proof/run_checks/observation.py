@@ -9,7 +9,7 @@ from hijack_data import apply
 from hijack_data.actions import count_points
 from hijack_data.actions.agent_actions import read_action
 from hijack_data.compose import Sequence
-from hijack_data.corruption import Corruption, make_corruption
+from hijack_data.corruption import make_corruption
 from hijack_data.errors import ActionError, short_repr
 from hijack_data.picture_io import pixel_sha256
 from hijack_data.plan import CLEAN, Plan
@@ -209,41 +209,10 @@ def answer_points(raw: object, allow_code: bool) -> tuple[int, int]:
 
 def _planner_in(logged: Plan) -> Planner | None:
     """Return the planner named in a plan, for logs that do not state the planner."""
-    parts = logged.corruption.split("+")
-    if parts == [CLEAN]:
+    if logged.corruption == CLEAN:
         return None
-    # A plan does not separate the parameters of two parts with the same id.
-    if len(set(parts)) < len(parts):
-        return _Fixed(logged)
-    if len(parts) == 1:
-        return _corruption(parts[0], logged.params)
-    return Sequence([_corruption(part, logged.params.get(part)) for part in parts])
-
-
-def _corruption(name: str, params: object) -> Corruption:
-    return make_corruption(name, **fields.mapping(params, f"plan.params.{name}"))
-
-
-@dataclass(frozen=True)
-class _Fixed(Planner):
-    """A planner that always returns the logged plan."""
-
-    logged: Plan
-
-    @property
-    def needs_elements(self) -> bool:
-        return False
-
-    def plan(
-        self,
-        scene: Scene,
-        *,
-        seed: int,
-        sample: int | str = 0,
-        step: int | None = None,
-        epoch: int = 0,
-    ) -> Plan:
-        return self.logged
+    parts = [make_corruption(name, **params) for name, params in logged.parts]
+    return parts[0] if len(parts) == 1 else Sequence(parts)
 
 
 def _read_picture(folder: Path, name: str) -> UInt8Array:
