@@ -16,7 +16,7 @@ seeds are reported. Rates are for two cores.
     ablation_content    10 tasks, 12 conditions, pixel: 120 episodes
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
     everyday            24 tasks, clean and under the five faults of the set everyday, three
-                        agents, two seeds: 864 episodes, about three hours
+                        agents, three seeds: 1,296 episodes, about four hours
     everyday_guarded    12 quick ones of these tasks, pixel with the guard rules, one seed: 72 episodes
     everyday_levels     3 longer tasks, three of the faults at five severities: 48 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
@@ -86,7 +86,7 @@ PLAYED = {
         *(*PAGES, "--agent", "pixel"),
         *("--tasks", ",".join(f"miniwob/{page}.html" for page in PLANS)),
     ),
-    "everyday": (*EVERYDAY, "--seeds", "2", "--agent", "oracle,recovering,pixel"),
+    "everyday": (*EVERYDAY, "--seeds", "3", "--agent", "oracle,recovering,pixel"),
     "everyday_guarded": (*EVERYDAY, "--tasks", QUICK, "--agent", "pixel", "--guard", "rules"),
     "everyday_levels": (
         *("embedded_core", "--tasks", LONGER, "--corruptions", LEVELS),
