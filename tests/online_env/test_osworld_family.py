@@ -215,6 +215,20 @@ def test_missing_files_are_named_before_a_run(folder: Path, tmp_path: Path, oswo
     assert find_unplayable(listed, cache, folder=osworld_venv) == {}
 
 
+def test_tasks_that_an_embedded_desktop_cannot_judge_are_no_zeros_and_no_ones(
+    folder: Path, osworld_venv
+) -> None:
+    settings = {"type": "execute", "parameters": {"command": "gsettings reset-recursively org.x"}}
+    write_task(folder, "t-gnome", config=[settings])
+    one_untouched = "99146c54-4f37-4ab8-9327-5f3291665e1e"
+    write_task(folder, one_untouched)
+    listed = task_files(bench_of(str(folder)).tasks)
+    reasons = find_unplayable(listed, None, folder=osworld_venv)
+    assert reasons["t-gnome"].startswith("GNOME's settings or its file manager: not on an embedded")
+    assert reasons[one_untouched].endswith("desktop: scores 1 untouched (play it with --vm)")
+    assert find_unplayable(listed, None, MachineSettings(vm=("docker",)), osworld_venv) == {}
+
+
 def test_missing_packages_are_named_before_a_run(folder: Path, osworld_venv) -> None:
     unknown = write_task(folder, "t-three", evaluator={"func": "no_such_metric"})
     listed = task_files(bench_of(str(unknown)).tasks)
