@@ -68,6 +68,12 @@ def file_makers(entries: Iterable[Any]) -> list[FileAgentMaker]:
     return [entry for entry in entries if isinstance(entry, FileAgentMaker)]
 
 
+def asks_for_reinit(entry: Any) -> bool:
+    """Return whether a registry entry makes agents whose onlooker asks for re-initialisation."""
+    onlooker = entry.settings.onlooker if isinstance(entry, FileAgentMaker) else None
+    return onlooker is not None and onlooker.check and onlooker.reinit
+
+
 def prompts_folder(path: Path) -> Path:
     """Check that a folder of prompts is not empty, and that each replaces a packaged one.
 
