@@ -7,10 +7,11 @@ from typing import Any
 from hijack_data.errors import suggest
 
 from ..errors import AgentSetupError
-from .agent_files import read_agent
+from .agent_files import DEFAULT_ERRORS, read_agent, read_errors
 from .base import Agent
 from .chat import prompts
 from .chat.agent import make_agent
+from .chat.onlooker import CHECK
 from .chat.run import ChatRun
 from .chat.ui_tars_prompts import NAME, SOURCES, read_ui_tars_prompts, write_prompts
 from .settings import AgentSettings
@@ -39,6 +40,23 @@ class FileAgentMaker:
         if folders:
             data["prompts_sha256"] = " ".join(prompts.digest(folder) for folder in folders)
         return data
+
+    def check_errors(self) -> None:
+        """Check that the onlooker is asked for the errors of the user's repository.
+
+        Raises:
+            AgentSetupError: the prompt of its check has errors of its own instead.
+        """
+        onlooker = self.settings.onlooker
+        if onlooker is None or not onlooker.check:
+            return
+        is_asked = prompts.read_prompt(CHECK, self.run.folders(self.settings)).has("errors")
+        if not is_asked and onlooker.errors != read_errors(DEFAULT_ERRORS)[0]:
+            raise AgentSetupError(
+                f"{self.settings.source}: onlooker.errors would not be asked for, since the prompt"
+                f" {CHECK} names errors of its own: put {{errors}} into it, or leave out one of"
+                " onlooker.errors and the prompt (--prompts, prompts)"
+            )
 
     def check_prices(self) -> None:
         """Check that the price of every model is known.

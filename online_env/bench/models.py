@@ -50,7 +50,8 @@ def prepare(bench: Bench, options: ModelOptions, out: Path | None) -> None:
         out: folder of the run; `None` if nothing is going to be run.
 
     Raises:
-        AgentSetupError: a key, a price or a log is missing, or an option applies to no agent.
+        AgentSetupError: a key, a price or a log is missing, or an option or a file of errors
+            applies to no agent.
     """
     agents = bench.asked_agents
     if out is not None:
@@ -66,6 +67,7 @@ def prepare(bench: Bench, options: ModelOptions, out: Path | None) -> None:
     for maker in makers:
         log = None if out is None else out / FOLDER
         maker.run = ChatRun(prompts=prompts, log=log, replay=replay)
+        maker.check_errors()
         if options.max_cost is not None:
             maker.check_prices()
         if out is not None and replay is None:

@@ -13,7 +13,8 @@ from ext_package.paper import PaperDesktop, PressOk, provider
 
 from hijack_data.errors import HijackError, MissingDependencyError
 from online_env.agents.chat.prompts import read_prompt
-from online_env.agents.makers import prompts_folder
+from online_env.agents.chat.run import ChatRun
+from online_env.agents.makers import agent_file_maker, prompts_folder
 from online_env.agents.registry import AGENTS
 from online_env.bench.bench_command import bench
 from online_env.bench.providers import PROVIDERS
@@ -247,6 +248,19 @@ UITARS_REMINDER_PROMPT = "Reminder: ..."
         "onlooker_summary": "After {action}: {instruction}",
         "onlooker_check": "Reminder: ...",
     }
+
+
+def test_errors_of_the_user_that_the_check_would_not_be_asked_for_are_refused(tmp_path):
+    """As under the prompts of the paper's authors, which name two errors."""
+    (tmp_path / "errors.yaml").write_text("errors: [{name: Fire, looks: flames, say: Run.}]")
+    copy = tmp_path / "prompts.py"
+    copy.write_text("UITARS_REMINDER_PROMPT = 'Is it locked? Reminder: ...'")
+    run = Run(tmp_path, "http://127.0.0.1:1", "onlooker: {errors: errors.yaml}")
+    with pytest.raises(HijackError, match=r"onlooker\.errors would not be asked for"):
+        run("run", "--prompts", copy)
+    maker = agent_file_maker(str(file(tmp_path, "http://127.0.0.1:1", "onlooker: {}")))
+    maker.run = ChatRun(prompts=prompts_folder(copy))
+    maker.check_errors()
 
 
 def test_a_run_goes_on_only_with_the_same_file_and_prompts(tmp_path):
