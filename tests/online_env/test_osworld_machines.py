@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError
-from online_env import tasks
+from online_env import HttpDesktop, tasks
 from online_env.errors import DesktopError, GuestError, MissingPackageError
 from online_env.osworld import machines
 from online_env.osworld.bridge import worker
@@ -147,6 +147,17 @@ def test_code_whose_answer_is_lost_is_not_run_again(osworld, tmp_path) -> None:
             guest.loses_answers = False
             assert desktop.run("print(1)").output == "1\n"
     assert (tmp_path / "guest0" / "typed").read_text() == "x"
+
+
+def test_less_than_is_typed_by_the_key_that_has_it(osworld, tmp_path) -> None:
+    """OSWorld's own `step` mends two functions; an agent's code does not go through it."""
+    with fake_guests(tmp_path, None) as (guest,):
+        settings = MachineSettings(vm=(f"http://{guest.address}",))
+        with machines.machine((SIZE[1], SIZE[0]), settings, osworld) as desktop:
+            result = desktop.run("print(pyautogui.platformModule.keyboardMapping)")
+        with HttpDesktop(f"http://{guest.address}") as plain:
+            again = plain.run("print(pyautogui.platformModule.keyboardMapping)")
+    assert {result.output, again.output} == {"{',': 59, '<': 59}\n"}
 
 
 def test_a_file_that_the_guest_does_not_send_is_no_file_that_is_not_there(
