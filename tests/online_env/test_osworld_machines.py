@@ -394,3 +394,9 @@ def test_tasks_that_cannot_be_played_are_listed_and_counted(osworld, tmp_path) -
     )
     cells = json.loads(report.stdout)["cells"]
     assert [(cell["n"], round(cell["success"], 3)) for cell in cells] == [(3, 0.333)] * 2
+
+
+def test_a_server_counts_no_task_as_zero() -> None:
+    result = CliRunner().invoke(hijack, ["serve", "osworld", "--unplayable", "zero", "--dry-run"])
+    assert result.exit_code == 2
+    assert "counts nothing; leave" in " ".join(result.output.split())
