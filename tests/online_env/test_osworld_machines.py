@@ -15,6 +15,11 @@ from click.testing import CliRunner
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError
 from online_env import HttpDesktop, tasks
+from online_env.bench import machine_pool
+from online_env.bench.config import Bench
+from online_env.bench.jobs import Job
+from online_env.bench.machine_pool import MachineFailureError, MachinePool
+from online_env.bench.workers import WorkerSetup
 from online_env.errors import DesktopError, GuestError, MissingPackageError
 from online_env.osworld import machines
 from online_env.osworld.bridge import worker
@@ -235,6 +240,38 @@ def test_an_episode_goes_on_elsewhere_when_its_machine_dies(osworld, tmp_path) -
     assert {r["score"] for r in ended.values()} == {1.0}
     assert {r["desktop"]["machine"] for r in ended.values()} == {vms[2]}
     assert ended[lost_record["task"], lost_record["corruption"]]["attempt"] == 1
+
+
+def test_an_episode_is_played_again_on_another_machine_than_it_failed_on(monkeypatch) -> None:
+    """Even if the one that fails is free first; one that stands by starts only then."""
+    played: list[tuple[str, int]] = []
+
+    class Worker:
+        alive = True
+
+        def __init__(self, setup: WorkerSetup, serve: object) -> None:
+            self.name = setup.bench.machines.vm[0]
+
+        def wait_until_ready(self) -> None:
+            """It runs."""
+
+        def close(self) -> None:
+            """It ends."""
+
+        def play(self, job: object, attempt: int) -> dict[str, Any]:
+            played.append((self.name, attempt))
+            if self.name == "a:1" and len(played) > 2:
+                raise MachineFailureError({"status": "invalid", "problem": "was not reverted"})
+            return {"status": "ok"}
+
+    monkeypatch.setattr(machine_pool, "EpisodeWorker", Worker)
+    bench = Bench(machines=MachineSettings(vm=("a:1", "b:1", "c:1")))
+    pool = MachinePool(WorkerSetup(bench=bench, folder=Path()), desktops=1)
+    job = Job("oracle", "write_note", "clean", 0)
+    for attempt in (0, 0, 0, 1, 0):
+        with pool.reserve():
+            pool(job, attempt)
+    assert played == [("a:1", 0), ("a:1", 0), ("a:1", 0), ("b:1", 1), ("b:1", 0)]
 
 
 def test_a_run_without_a_machine_left_says_why(osworld, tmp_path) -> None:
