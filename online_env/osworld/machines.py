@@ -41,7 +41,6 @@ NEEDS: Mapping[str, str] = {
     "daytona": "a checkout of OSWorld that has this provider (--osworld DIR)",
 }
 KVM = Path("/dev/kvm")
-PASSWORDS = {"aws": "osworld-public-evaluation"}  # of OSWorld's images; elsewhere "password"
 ANSWER_TIMEOUT_S = 300.0  # for a machine to answer after its reset
 FIRST_ANSWER_TIMEOUT_S = 30.0  # for a machine that runs already
 RESET_TIMEOUT_S = 900.0
@@ -334,8 +333,8 @@ def machine(
     """
     (name,) = settings.vm
     height, width = size
-    options = dict(settings.options)
-    password = str(options.pop("client_password", PASSWORDS.get(name, "password")))
+    options = {key: value for key, value in settings.options.items() if key != "client_password"}
+    password = settings.password
     with tempfile.TemporaryDirectory(prefix="agenthijack-osworld-") as scratch:
         cache = Path(scratch, "cache")
         fresh: Callable[[], Address] | None = None

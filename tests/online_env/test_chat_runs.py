@@ -2,7 +2,9 @@
 
 import json
 import os
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -17,10 +19,13 @@ from online_env.agents.chat.run import ChatRun
 from online_env.agents.makers import agent_file_maker, prompts_folder
 from online_env.agents.registry import AGENTS
 from online_env.bench.bench_command import bench
+from online_env.bench.config import load_bench, override
+from online_env.bench.models import ModelOptions, begin, prepare
 from online_env.bench.providers import PROVIDERS
 from online_env.environment import Settle
 from online_env.results import records
 from online_env.tasks import TASKS
+from online_env.tasks.machines import MachineSettings
 
 from support.chatting import file
 from support.endpoints import Raw, serving
@@ -248,6 +253,33 @@ UITARS_REMINDER_PROMPT = "Reminder: ..."
         "onlooker_summary": "After {action}: {instruction}",
         "onlooker_check": "Reminder: ...",
     }
+
+
+@pytest.mark.parametrize(
+    ("machines", "password"),
+    [
+        (None, "password"),
+        (MachineSettings(vm=("aws",)), "osworld-public-evaluation"),
+        (MachineSettings(vm=("docker",), options={"client_password": "s3cret"}), "s3cret"),
+    ],
+)
+def test_a_model_is_told_the_password_of_its_machine(machines, password, tmp_path):
+    """With a wrong one, no agent gets past a lock screen or sudo."""
+    asked = []
+    with serving(lambda body: asked.append(json.dumps(body)) or "```DONE```") as endpoint:
+        run = Run(tmp_path, endpoint.url)
+        name = AGENTS.find(str(run.agent))
+        configuration = replace(
+            override(load_bench("embedded_small"), agent=name), machines=machines
+        )
+        prepare(configuration, ModelOptions(), tmp_path)
+        log = begin(name, "", "an-episode")
+        agent = AGENTS.get(name)()
+        agent.predict("Unlock it.", {"screenshot": np.zeros((40, 60, 3), np.uint8)})
+    assert f"The password of this computer is '{password}'" in asked[0]
+    logged = (tmp_path / "requests" / "an-episode.jsonl").read_text()
+    assert log is not None
+    assert ("s3cret" in asked[0], "s3cret" in logged) == (password == "s3cret", False)
 
 
 def test_errors_of_the_user_that_the_check_would_not_be_asked_for_are_refused(tmp_path):
