@@ -33,7 +33,7 @@ from .cache_files import list_cache_files
 from .player import Player
 from .run import checker, embedded_env
 from .solutions import SOLUTIONS
-from .stage import OsworldStage
+from .stage import LATE_FILES_S, SETUP_WAIT_S, OsworldStage
 from .task_needs import (
     FILES,
     PACKAGES,
@@ -156,11 +156,13 @@ def task_class(path: str) -> type[OsworldFileTask]:
     """
     task = load_file(Path(path))
     file = task.path.resolve()
+    setup_wait = SETUP_WAIT_S if task.config.get("config") else 0.0
     body = {
         "name": task.id,
         "domain": task.domain,
         "apps": task.apps,
         "infeasible": "" if task.feasible else "OSWorld calls it infeasible",
+        "fixed_waits": setup_wait + (LATE_FILES_S if task.feasible else 0.0),
         "file": task,
         "source": {"path": str(file), "sha256": hashlib.sha256(read_regular(file)).hexdigest()},
         "__module__": __name__,

@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +16,13 @@ from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError
 from online_env import tasks
 from online_env.bench.config import Bench, load_bench, override
+from online_env.bench.estimates import EPISODE_SECONDS, History, estimate, expected
+from online_env.bench.jobs import Job
 from online_env.bench.workers import load_references, references
 from online_env.errors import DesktopError, MissingPackageError
 from online_env.osworld.cache_files import list_cache_files
 from online_env.osworld.file_tasks import OsworldFileTask, find_unplayable, task_class
+from online_env.osworld.stage import LATE_FILES_S, SETUP_WAIT_S
 from online_env.osworld.tasks import OsworldTask
 from online_env.tasks.hand import GiveUpError
 from online_env.tasks.machines import MachineSettings
@@ -227,6 +231,23 @@ def test_tasks_that_an_embedded_desktop_cannot_judge_are_no_zeros_and_no_ones(
     assert reasons["t-gnome"].startswith("GNOME's settings or its file manager: not on an embedded")
     assert reasons[one_untouched].endswith("desktop: scores 1 untouched (play it with --vm)")
     assert find_unplayable(listed, None, MachineSettings(vm=("docker",)), osworld_venv) == {}
+
+
+def test_an_estimate_counts_the_waits_of_osworlds_runs_and_the_steps_of_machines(
+    folder: Path,
+) -> None:
+    launch = {"type": "launch", "parameters": {"command": ["mousepad"]}}
+    rule = {"func": "exact_match", "result": {"type": "rule"}}
+    paths = [write_task(folder, "t-launch", config=[launch], evaluator=rule)]
+    paths.append(write_task(folder, "t-bare"))
+    bench = bench_of(",".join(map(str, paths)))
+    listed = [Job("gpt-4o", name, "clean", 0) for name in bench.tasks]
+    here = expected(bench, listed, History())
+    assert here[0].seconds - here[1].seconds == SETUP_WAIT_S + LATE_FILES_S  # 1: infeasible
+    on_machines = replace(bench, machines=MachineSettings(vm=("docker",)), max_steps=15)
+    (first, _) = expected(on_machines, listed, History())
+    assert first.seconds == EPISODE_SECONDS + SETUP_WAIT_S + LATE_FILES_S + 15 * 3.5
+    assert estimate(on_machines, listed).endswith("; without that of the machines' reverts")
 
 
 def test_missing_packages_are_named_before_a_run(folder: Path, osworld_venv) -> None:
