@@ -24,6 +24,8 @@ from online_env.osworld.cache_files import list_cache_files
 from online_env.osworld.file_tasks import OsworldFileTask, find_unplayable, task_class
 from online_env.osworld.stage import LATE_FILES_S, SETUP_WAIT_S
 from online_env.osworld.tasks import OsworldTask
+from online_env.results import records
+from online_env.results.reading import RunError
 from online_env.tasks.hand import GiveUpError
 from online_env.tasks.machines import MachineSettings
 
@@ -231,6 +233,17 @@ def test_tasks_that_an_embedded_desktop_cannot_judge_are_no_zeros_and_no_ones(
     assert reasons["t-gnome"].startswith("GNOME's settings or its file manager: not on an embedded")
     assert reasons[one_untouched].endswith("desktop: scores 1 untouched (play it with --vm)")
     assert find_unplayable(listed, None, MachineSettings(vm=("docker",)), osworld_venv) == {}
+
+
+def test_a_run_goes_on_where_its_cache_of_files_is_elsewhere(tmp_path: Path) -> None:
+    def config(cache: str, *unplayable: str) -> dict[str, Any]:
+        reasons = {task: {"reason": f"1 files are not in {cache}"} for task in unplayable}
+        return {"osworld_files": cache, "unplayable": reasons, "tasks": ["t-one"]}
+
+    records.create(tmp_path / "run", config("/a", "t-two"), ["x"]).release()
+    assert records.check_folder(tmp_path / "run", config("/b", "t-two"), ["x"], goes_on=True)
+    with pytest.raises(RunError, match="is another run: unplayable"):
+        records.check_folder(tmp_path / "run", config("/b", "t-3"), ["x"], goes_on=True)
 
 
 def test_an_estimate_counts_the_waits_of_osworlds_runs_and_the_steps_of_machines(
