@@ -1,5 +1,6 @@
 """OSWorld's own Python environment: made by one command, and as small as the tasks allow."""
 
+import hashlib
 import json
 import os
 import subprocess
@@ -122,6 +123,23 @@ def _last_checkout(folder: Path) -> Path | None:
         return Path(json.loads((folder / STAMP).read_text(encoding="utf-8"))["osworld"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def judging_code(folder: Path) -> dict[str, str] | None:
+    """Return path and SHA-256 of the installed code of OSWorld that sets tasks up and judges them.
+
+    `None` if there is none. Providers of machines are left out.
+    """
+    package = next(folder.glob("lib/python*/site-packages/desktop_env"), None)
+    if package is None:
+        return None
+    hasher = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        name = path.relative_to(package).as_posix()
+        if not name.startswith("providers/"):
+            content = hashlib.sha256(path.read_bytes()).hexdigest()
+            hasher.update(f"{name}\0{content}\n".encode())
+    return {"path": str(package), "sha256": hasher.hexdigest()}
 
 
 def _install(folder: Path, tier: str, python: str) -> None:

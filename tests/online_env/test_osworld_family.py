@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -20,6 +21,7 @@ from online_env.bench.estimates import EPISODE_SECONDS, History, estimate, expec
 from online_env.bench.jobs import Job
 from online_env.bench.workers import load_references, references
 from online_env.errors import DesktopError, MissingPackageError
+from online_env.osworld import venv
 from online_env.osworld.cache_files import list_cache_files
 from online_env.osworld.file_tasks import OsworldFileTask, find_unplayable, task_class
 from online_env.osworld.stage import LATE_FILES_S, SETUP_WAIT_S
@@ -28,6 +30,7 @@ from online_env.results import records
 from online_env.results.reading import RunError
 from online_env.tasks.hand import GiveUpError
 from online_env.tasks.machines import MachineSettings
+from pipelines.proof.run_checks.field_checks import head_problems
 
 from support import needs
 
@@ -101,9 +104,26 @@ def test_every_seed_is_the_same_task(folder: Path) -> None:
     assert not tasks.get("t-two").infeasible
 
 
+def test_a_run_records_what_judged_it(folder: Path, tmp_path: Path, monkeypatch) -> None:
+    """Another version of OSWorld, or a checkout, may score the same state otherwise."""
+    monkeypatch.setattr(venv, "DEFAULT", tmp_path / "venv")
+    bench = bench_of(str(folder))
+    assert "desktop_env" not in bench.to_data()["code"]
+    package = tmp_path / "venv/lib/python3.11/site-packages/desktop_env"
+    metric = package / "evaluators" / "metrics" / "general.py"
+    provider = package / "providers" / "aws.py"
+    digests: list[str] = []
+    for file, text in ((metric, "1"), (provider, "1"), (metric, "2")):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+        digests.append(bench.to_data()["code"]["desktop_env"]["sha256"])
+    assert (digests[0] == digests[1], digests[1] == digests[2]) == (True, False)
+    assert not list(head_problems({"config": bench.to_data()}, (), SimpleNamespace()))
+
+
 def test_a_run_records_the_file_of_each_task(folder: Path) -> None:
     code = bench_of(str(folder)).to_data()["code"]
-    assert set(code) == {"t-one", "t-two"}
+    assert set(code) - {"desktop_env"} == {"t-one", "t-two"}
     assert code["t-one"]["path"] == str(folder / "examples" / "os" / "t-one.json")
     write_task(folder, "t-one", instruction="Something else.")
     changed_task = task_class(code["t-one"]["path"])
