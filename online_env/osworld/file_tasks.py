@@ -214,7 +214,9 @@ def _obstacles(
     """Yield what keeps a task from being played."""
     needs = list_needs(task, check)
     if PACKAGES in needs:
-        yield f"{needs[PACKAGES]} (hijack osworld setup --tier mid or full)"
+        checkout = "; a checkout of OSWorld may have a function: --osworld DIR"
+        remedy = checkout if "in this desktop_env" in needs[PACKAGES] else ""
+        yield f"{needs[PACKAGES]} (hijack osworld setup --tier mid or full{remedy})"
     if machines is None or files is not None:
         absent = [
             file.path

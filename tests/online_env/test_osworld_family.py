@@ -288,6 +288,7 @@ def test_missing_packages_are_named_before_a_run(folder: Path, osworld_venv) -> 
     listed = task_files(bench_of(str(unknown)).tasks)
     reasons = find_unplayable(listed, None, folder=osworld_venv)
     assert "no metric no_such_metric" in reasons["t-three"]
+    assert "a checkout of OSWorld may have a function: --osworld DIR" in reasons["t-three"]
 
 
 @pytest.mark.parametrize(
