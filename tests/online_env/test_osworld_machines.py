@@ -5,6 +5,7 @@ import subprocess
 import sys
 import urllib.request
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,7 @@ from click.testing import CliRunner
 
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError
+from hijack_data.locking import lock
 from online_env import HttpDesktop, tasks
 from online_env.bench import machine_pool
 from online_env.bench.config import Bench
@@ -123,6 +125,26 @@ def test_a_provider_reverts_between_episodes_and_ends_its_machine(
             assert stage.hung_in_judging
         assert events(path)[-1] == "stop"
         assert events(path).count("revert") == 6
+
+
+def test_machines_of_one_image_start_one_after_the_other(
+    osworld, script, tmp_path, monkeypatch
+) -> None:
+    """OSWorld downloads and unpacks the image without a lock."""
+    with fake_guests(tmp_path, None) as (guest,):
+        path = script(guest.address)
+        context = docker(osworld, monkeypatch, tmp_path)
+        machines.FOLDER.mkdir()
+        with ThreadPoolExecutor(1) as pool:
+            with lock(machines.FOLDER / machines.START_LOCK):
+                start = pool.submit(context.__enter__)
+                with pytest.raises(TimeoutError):
+                    start.result(1.0)
+                assert not Path(f"{path}.log").exists()
+            assert start.result(60).machine_name == "docker"
+        assert events(path)
+        with lock(machines.FOLDER / machines.START_LOCK):  # only while it starts
+            context.__exit__(None, None, None)
 
 
 def test_a_machine_that_does_not_start_is_named(osworld, script, tmp_path, monkeypatch) -> None:
