@@ -126,7 +126,9 @@ class OsworldStage:
             self._cut_network = None
 
     def _set_up(self, config: dict[str, Any]) -> None:
-        """Set up a task without reverting the machine."""
+        """Set up a task on a machine whose network is cut, without reverting it."""
+        # OSWorld would install its proxy from the internet; a failed step makes the set-up fail.
+        config = {**config, "proxy": False}
         if isinstance(self.env, OsworldEnv):
             self.env.reset(config, keep=True)
         else:
