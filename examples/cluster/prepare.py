@@ -11,14 +11,11 @@ from pathlib import Path
 
 import yaml
 
+from online_env.agents.chat.prompts import read_prompt
 from pipelines.train.adapters.verl_rows import write_evaluation_rows, write_rows
 from pipelines.train.split import members
 
-HOW = (
-    "You operate a Linux desktop. Answer each screenshot with one line of pyautogui code, such as"
-    " pyautogui.click(300, 200), in pixels of the screenshot; with WAIT; with DONE when the task is"
-    " done; or with FAIL if it cannot be done."
-)
+WHERE = "It stands beside the first screenshot."  # the instruction, which is no part of a row
 OSWORLD_SIZE = [1080, 1920]  # of the machines' screens
 TEMPLATE = Path(__file__).parents[2] / "configs" / "train" / "verl_served.yaml"
 
@@ -27,6 +24,9 @@ def main() -> None:
     """Write the three files."""
     servers, out = sys.argv[1].split(","), Path(sys.argv[2])
     loops = yaml.safe_load(TEMPLATE.read_text())
+    # The prompt of the agent files that play the trained model.
+    prompt = read_prompt(loops[0]["dialect"])
+    how = prompt.fill({"language": "English", "instruction": WHERE}).first
     settings = loops[0]["environment_args"]
     settings["addresses"] = servers
     training, held_out = members("suite/training"), members("suite/held_out")
@@ -37,9 +37,9 @@ def main() -> None:
         held_out = members(f"{split}/held_out")
     (out / "agent.yaml").write_text(yaml.safe_dump(loops, sort_keys=False))
     count = write_rows(
-        out / "train.parquet", training, HOW, evaluation=held_out, osworld_split=split
+        out / "train.parquet", training, how, evaluation=held_out, osworld_split=split
     )
-    write_evaluation_rows(out / "val.parquet", held_out, HOW, corruption="clean")
+    write_evaluation_rows(out / "val.parquet", held_out, how, corruption="clean")
     print(f"{out}: {count} training tasks, {len(held_out)} held out, {len(servers)} servers")
 
 

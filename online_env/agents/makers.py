@@ -7,10 +7,11 @@ from typing import Any
 from hijack_data.errors import suggest
 
 from ..errors import AgentSetupError
-from .agent_files import read_agent
+from .agent_files import DEFAULT_ERRORS, read_agent, read_errors
 from .base import Agent
 from .chat import prompts
 from .chat.agent import make_agent
+from .chat.onlooker import CHECK
 from .chat.run import ChatRun
 from .chat.ui_tars_prompts import NAME, SOURCES, read_ui_tars_prompts, write_prompts
 from .settings import AgentSettings
@@ -40,6 +41,23 @@ class FileAgentMaker:
             data["prompts_sha256"] = " ".join(prompts.digest(folder) for folder in folders)
         return data
 
+    def check_errors(self) -> None:
+        """Check that the onlooker is asked for the errors of the user's repository.
+
+        Raises:
+            AgentSetupError: the prompt of its check has errors of its own instead.
+        """
+        onlooker = self.settings.onlooker
+        if onlooker is None or not onlooker.check:
+            return
+        is_asked = prompts.read_prompt(CHECK, self.run.folders(self.settings)).has("errors")
+        if not is_asked and onlooker.errors != read_errors(DEFAULT_ERRORS)[0]:
+            raise AgentSetupError(
+                f"{self.settings.source}: onlooker.errors would not be asked for, since the prompt"
+                f" {CHECK} names errors of its own: put {{errors}} into it, or leave out one of"
+                " onlooker.errors and the prompt (--prompts, prompts)"
+            )
+
     def check_prices(self) -> None:
         """Check that the price of every model is known.
 
@@ -66,6 +84,12 @@ def agent_file_maker(path_or_name: str) -> FileAgentMaker:
 def file_makers(entries: Iterable[Any]) -> list[FileAgentMaker]:
     """Return those of some registry entries that are makers of agent files."""
     return [entry for entry in entries if isinstance(entry, FileAgentMaker)]
+
+
+def asks_for_reinit(entry: Any) -> bool:
+    """Return whether a registry entry makes agents whose onlooker asks for re-initialisation."""
+    onlooker = entry.settings.onlooker if isinstance(entry, FileAgentMaker) else None
+    return onlooker is not None and onlooker.check and onlooker.reinit
 
 
 def prompts_folder(path: Path) -> Path:

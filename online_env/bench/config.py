@@ -182,8 +182,8 @@ class Bench:
         """Return the resolved configuration as JSON data.
 
         Every parameter of every corruption is written out. `code` has the file, with its SHA-256,
-        of each agent, task and provider that does not come with this library; the key is left out
-        if there is none.
+        of each agent, task and provider that does not come with this library, and of what judges
+        the tasks of a family; the key is left out if there is none.
         """
         width_first = [self.size[1], self.size[0]]
         data: dict[str, Any] = {
@@ -247,10 +247,17 @@ class Bench:
         return [*clean, *entries["corruptions"]]
 
     def _code(self) -> Iterator[tuple[str, dict[str, str]]]:
-        """Yield the files of the agents, tasks and provider that do not come with this library."""
+        """Yield the files of the agents, tasks and provider that do not come with this library.
+
+        And of what judges the tasks of a family.
+        """
         for _, name, entry in self.foreign():
             source = entry.source if is_from_data(entry) else find_source(entry)
             if source:
+                yield name, dict(source)
+        named = (getattr(TASKS.entries.get(name), "family", "") for name in self.tasks)
+        for family in dict.fromkeys(filter(None, named)):
+            for name, source in families.load_family(family).judging_code().items():
                 yield name, dict(source)
 
     def foreign(self) -> Iterator[tuple[AnyRegistry, str, Any]]:

@@ -24,7 +24,7 @@ from ..agents.makers import FileAgentMaker
 from ..agents.registry import AGENTS
 from ..results import scores
 from ..results.reading import ResultRecord, read
-from ..tasks import task_sets
+from ..tasks import TASKS, task_sets
 from .config import Bench
 from .jobs import Job
 
@@ -33,6 +33,7 @@ Basis: TypeAlias = Literal["runs", "suite", "limit"]
 # For a task that was never measured, on two cores.
 EPISODE_SECONDS = 5.0  # seconds to begin and to judge an episode
 STEP_SECONDS = 0.8
+MACHINE_STEP_SECONDS = 3.5  # on a machine behind OSWorld's routes
 # A step keeps a full-HD PNG, and a second one if the agent saw something else.
 STEP_BYTES = 430_000
 # Agents with a known number of steps; `None` means one step more than the oracle.
@@ -113,6 +114,8 @@ def estimate(
     unknown = dict.fromkeys(_unmeasured(planned_jobs, estimates))
     if unknown:
         text += f"; without the time that {', '.join(unknown)} takes to answer"
+    if bench.machines is not None and "limit" in bases:
+        text += "; without that of the machines' reverts"
     return text
 
 
@@ -140,6 +143,9 @@ def _estimate_job(
     if task is None:
         basis = "limit"
         number = bench.max_steps
+        before += getattr(TASKS.entries.get(job.task), "fixed_waits", 0.0)
+        if bench.machines is not None:
+            step = MACHINE_STEP_SECONDS
     else:
         before = task.setup
         step = (task.seconds - task.setup) / (task.actions + 1)

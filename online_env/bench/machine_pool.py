@@ -130,7 +130,9 @@ class MachinePool:
             record = lost_record(job, attempt, f"{problem}: {error}".rstrip(": "), start=start)
         else:
             seat.failures = 0
+            self._local.failed_seat = None
             return record
+        self._local.failed_seat = seat  # the next attempt is for another machine
         self._close_worker(seat)
         self._count_failure(seat, job.task if hung_in_judging else "")
         if seat.failures >= MAX_FAILURES:
@@ -178,8 +180,19 @@ class MachinePool:
         return seat.worker
 
     def _take(self) -> _Seat:
+        """Wait for a machine, another one than failed last if there are several; hold it.
+
+        Raises:
+            DesktopError: All machines have been taken out, or the run is ending.
+        """
+        failed_seat: _Seat | None = getattr(self._local, "failed_seat", None)
+
+        def free_seats() -> list[_Seat]:
+            others = [seat for seat in self._free if seat is not failed_seat]
+            return others or ([] if self._in_use else self._free)
+
         with self._changed:
-            self._changed.wait_for(lambda: self._free or not self._in_use or self._stopped)
+            self._changed.wait_for(lambda: free_seats() or not self._in_use or self._stopped)
             if self._stopped:
                 raise DesktopError("the run is ending")
             if not self._free:
@@ -188,7 +201,9 @@ class MachinePool:
                     f"no machine is left to play on ({reasons}); the episodes that ended are kept,"
                     " --resume goes on"
                 )
-            seat = self._free.pop(0)
+            # One that stands by is not started while another one is free.
+            seat = min(free_seats(), key=lambda seat: seat.worker is None)
+            self._free.remove(seat)
             self._in_use.add(seat)
             return seat
 

@@ -17,6 +17,7 @@ from ..agents.makers import file_makers, prompts_folder
 from ..agents.references import AgentReference, is_user_code, reference_to
 from ..agents.registry import AGENTS
 from ..errors import AgentSetupError
+from ..tasks.machines import MachineSettings
 from .config import Bench
 
 
@@ -50,7 +51,8 @@ def prepare(bench: Bench, options: ModelOptions, out: Path | None) -> None:
         out: folder of the run; `None` if nothing is going to be run.
 
     Raises:
-        AgentSetupError: a key, a price or a log is missing, or an option applies to no agent.
+        AgentSetupError: a key, a price or a log is missing, or an option or a file of errors
+            applies to no agent.
     """
     agents = bench.asked_agents
     if out is not None:
@@ -63,9 +65,17 @@ def prepare(bench: Bench, options: ModelOptions, out: Path | None) -> None:
         )
     prompts = None if options.prompts is None else prompts_folder(options.prompts)
     replay = None if options.replay is None else log_folder(options.replay)
+    machines = bench.machines or MachineSettings()
+    secrets = (machines.password,) if "client_password" in machines.options else ()
     for maker in makers:
-        log = None if out is None else out / FOLDER
-        maker.run = ChatRun(prompts=prompts, log=log, replay=replay)
+        maker.run = ChatRun(
+            prompts=prompts,
+            log=None if out is None else out / FOLDER,
+            replay=replay,
+            password=machines.password,
+            secrets=secrets,
+        )
+        maker.check_errors()
         if options.max_cost is not None:
             maker.check_prices()
         if out is not None and replay is None:

@@ -15,6 +15,7 @@ from hijack_data.locking import Lock
 from hijack_data.runs import seal
 
 from ..agents.guards import check_guard, find_guard
+from ..agents.makers import asks_for_reinit
 from ..agents.registry import AGENTS
 from ..choices import DrawingLayer, ErrorOrder, Recovery
 from ..environment.script import check_plans
@@ -116,6 +117,7 @@ def run_command(
     benchmark = end_at_retention(benchmark, until_retention)
     _warn_of_too_few_tasks(benchmark)
     _warn_of_tasks_without_plan(benchmark)
+    _warn_of_unanswered_requests(benchmark)
     check_agents(benchmark)
     check_guard(benchmark.guard, benchmark.agents)
     models = ModelOptions(prompts=prompts, replay=replay, max_cost=max_cost)
@@ -307,6 +309,18 @@ def _warn_of_tasks_without_plan(benchmark: Bench) -> None:
             f"{' and '.join(followers)} can only follow plans in words, and there is none for"
             f" {quantity(len(unplanned), 'task')} of {len(benchmark.tasks)}, which score 0:"
             f" {shorten_list(unplanned, 6)}; leave them out with --tasks"
+        )
+
+
+def _warn_of_unanswered_requests(benchmark: Bench) -> None:
+    """Print which agents will ask for a re-initialisation that changes nothing."""
+    if benchmark.recovery != "none":
+        return
+    names = [name for name in benchmark.asked_agents if asks_for_reinit(AGENTS.get(name))]
+    if names:
+        _notice(
+            f"{' and '.join(names)} may ask for re-initialisation, which changes nothing under"
+            " recovery: none; --recovery reset sets the task up again, as in the paper"
         )
 
 

@@ -342,6 +342,10 @@ class MiniwobFamily:
         finally:
             stage.close()
 
+    def judging_code(self) -> Mapping[str, Mapping[str, str]]:
+        """Return nothing: pages judge themselves, and a run has their SHA-256."""
+        return {}
+
     def open_stage(
         self, size: Size, files: Path | None, machine: AbstractContextManager[Any] | None = None
     ) -> AbstractContextManager[Any]:

@@ -19,8 +19,13 @@ from .connection import GuestConnection, GuestResponse
 from .guest_address import MAX_PIXELS
 from .protocol import Capability, RunResult, TaskConfig
 
+# For `<`, pyautogui's table names a key that types `>` with Shift; Shift and comma type `<`.
+LESS_THAN = (
+    "_keys = getattr(getattr(pyautogui, 'platformModule', None), 'keyboardMapping', {}); "
+    "_keys.update([('<', _keys[','])] if ',' in _keys else []); "
+)
 # the code that OSWorld puts before an agent's code
-PREFIX = "import pyautogui; import time; pyautogui.FAILSAFE = False; "
+PREFIX = f"import pyautogui; import time; pyautogui.FAILSAFE = False; {LESS_THAN}"
 ANSWER_SLACK_S = 10.0  # s that the answer of a command may take beyond the command's own time-out
 MAX_SIZE_DIGITS = 6  # of a width or a height
 OK = 200

@@ -3,7 +3,7 @@
 Tables are written without gymnasium, so what plays tasks is imported when it is used.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
@@ -54,6 +54,13 @@ class OsworldFamily:
 
         listed = [task.file for task in tasks if issubclass(task, OsworldFileTask)]
         return find_unplayable(listed, files, machines)
+
+    def judging_code(self) -> Mapping[str, Mapping[str, str]]:
+        """Return what is installed of OSWorld; nothing if it is not installed."""
+        from .venv import DEFAULT, judging_code
+
+        code = judging_code(DEFAULT)
+        return {} if code is None else {"desktop_env": code}
 
     def open_stage(
         self, size: Size, files: Path | None, machine: AbstractContextManager[Any] | None = None

@@ -33,8 +33,17 @@ from .cache_files import list_cache_files
 from .player import Player
 from .run import checker, embedded_env
 from .solutions import SOLUTIONS
-from .stage import OsworldStage
-from .task_needs import FILES, PACKAGES, REMEDIES, RUNS_HERE, PackageCheck, list_needs, read_tested
+from .stage import LATE_FILES_S, SETUP_WAIT_S, OsworldStage
+from .task_needs import (
+    FILES,
+    PACKAGES,
+    REMEDIES,
+    RUNS_HERE,
+    PackageCheck,
+    list_needs,
+    read_excluded,
+    read_tested,
+)
 from .tasks import OsworldTask, load_file
 
 # In the guest: a file that names the episode which uses the machine. It outlives a restart.
@@ -147,11 +156,13 @@ def task_class(path: str) -> type[OsworldFileTask]:
     """
     task = load_file(Path(path))
     file = task.path.resolve()
+    setup_wait = SETUP_WAIT_S if task.config.get("config") else 0.0
     body = {
         "name": task.id,
         "domain": task.domain,
         "apps": task.apps,
         "infeasible": "" if task.feasible else "OSWorld calls it infeasible",
+        "fixed_waits": setup_wait + (LATE_FILES_S if task.feasible else 0.0),
         "file": task,
         "source": {"path": str(file), "sha256": hashlib.sha256(read_regular(file)).hexdigest()},
         "__module__": __name__,
@@ -184,9 +195,10 @@ def find_unplayable(
             raise MissingPackageError(
                 f"{folder}: OSWorld's Python environment is not there: hijack osworld setup"
             )
-        tested = read_tested() if machines is None else {}
+        tested, excluded = ({}, {}) if machines else (read_tested(), read_excluded())
         reasons = {
-            task.id: "; ".join(_obstacles(task, files, machines, check, tested)) for task in listed
+            task.id: "; ".join(_obstacles(task, files, machines, check, tested, excluded))
+            for task in listed
         }
     return {task: text for task, text in reasons.items() if text}
 
@@ -197,11 +209,14 @@ def _obstacles(
     machines: MachineSettings | None,
     check: PackageCheck,
     tested: Mapping[str, str],
+    excluded: Mapping[str, str],
 ) -> Iterator[str]:
     """Yield what keeps a task from being played."""
     needs = list_needs(task, check)
     if PACKAGES in needs:
-        yield f"{needs[PACKAGES]} (hijack osworld setup --tier mid or full)"
+        checkout = "; a checkout of OSWorld may have a function: --osworld DIR"
+        remedy = checkout if "in this desktop_env" in needs[PACKAGES] else ""
+        yield f"{needs[PACKAGES]} (hijack osworld setup --tier mid or full{remedy})"
     if machines is None or files is not None:
         absent = [
             file.path
@@ -220,9 +235,11 @@ def _obstacles(
         if task.config.get("proxy") and not machines.options.get("enable_proxy"):
             yield "its sites need OSWorld's proxy (--vm-option enable_proxy=true)"
     elif tested.get(task.id) != RUNS_HERE:
-        for kind in ("program", "web", "account"):
+        for kind in ("program", "gnome", "web", "account"):
             if kind in needs:
                 yield f"{needs[kind]}: not on an embedded desktop (play it with --vm)"
+        if task.id in excluded:
+            yield f"its self-test on an embedded desktop: {excluded[task.id]} (play it with --vm)"
 
 
 class OsworldTasks(TaskHolder, OsworldStage):

@@ -18,6 +18,7 @@ from pathlib import Path
 from urllib.parse import parse_qsl, urlsplit
 
 from hijack_data.errors import HijackWarning, ParameterError, UnknownNameError, suggest
+from hijack_data.locking import Lock, lock
 from hijack_data.types import Size
 
 from ..desktops.http import HttpDesktop
@@ -29,6 +30,10 @@ from .env import PROXIES, Address, OsworldEnv, OSWorldSettings
 
 PROVIDERS = ("docker", "vmware", "virtualbox", "aws", "azure", "daytona")
 FOLDER = venv.DEFAULT.parent / "osworld-machines"
+# Their machines are made of files in that folder. OSWorld downloads, unpacks and names these
+# without a lock: two starts at once write into one file, and one boots what the other unpacks.
+LOCAL_PROVIDERS = ("docker", "vmware", "virtualbox")
+START_LOCK = "start.lock"
 LOG = "osworld.log"
 PROGRAMS = {"vmware": "vmrun", "virtualbox": "VBoxManage"}  # which OSWorld calls by name
 # What a provider needs beside its packages.
@@ -41,7 +46,6 @@ NEEDS: Mapping[str, str] = {
     "daytona": "a checkout of OSWorld that has this provider (--osworld DIR)",
 }
 KVM = Path("/dev/kvm")
-PASSWORDS = {"aws": "osworld-public-evaluation"}  # of OSWorld's images; elsewhere "password"
 ANSWER_TIMEOUT_S = 300.0  # for a machine to answer after its reset
 FIRST_ANSWER_TIMEOUT_S = 30.0  # for a machine that runs already
 RESET_TIMEOUT_S = 900.0
@@ -334,8 +338,8 @@ def machine(
     """
     (name,) = settings.vm
     height, width = size
-    options = dict(settings.options)
-    password = str(options.pop("client_password", PASSWORDS.get(name, "password")))
+    options = {key: value for key, value in settings.options.items() if key != "client_password"}
+    password = settings.password
     with tempfile.TemporaryDirectory(prefix="agenthijack-osworld-") as scratch:
         cache = Path(scratch, "cache")
         fresh: Callable[[], Address] | None = None
@@ -354,7 +358,9 @@ def machine(
                 options=options,
                 folder=FOLDER,
             )
-        env = OsworldEnv(venv.find_python(folder), fresh, machine_settings, Path(scratch, LOG))
+        python, log = venv.find_python(folder), Path(scratch, LOG)
+        with _only_start() if name in LOCAL_PROVIDERS else contextlib.nullcontext():
+            env = OsworldEnv(python, fresh, machine_settings, log)
         with contextlib.closing(env):
             desktop = OsworldDesktop(env, password)
             desktop.machine_name = name
@@ -365,6 +371,12 @@ def machine(
                     f" benchmark {width}x{height}; change the machine's resolution, or desktop.size"
                 )
             yield desktop
+
+
+def _only_start() -> Lock:
+    """Wait until no other machine is being started from the files in `FOLDER`."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    return lock(FOLDER / START_LOCK, wait=True)
 
 
 def _wait_for_guest(text: str, timeout: float) -> Address:

@@ -151,7 +151,7 @@ def prefetch(
     "checkout",
     metavar="DIR",
     type=click.Path(exists=True, file_okay=False, path_type=Path),
-    help="A checkout of OSWorld, instead of its release on PyPI.",
+    help="A checkout of OSWorld, instead of its release on PyPI; later calls keep it.",
 )
 @_venv_option("Where.")
 def setup(tier: str, providers: tuple[str, ...], checkout: Path | None, folder: Path) -> None:

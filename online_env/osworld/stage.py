@@ -22,6 +22,9 @@ RETRY_MESSAGE = "Failed to connect, retrying"
 # Seconds between the last action and the evaluation, as in OSWorld's own runs: applications write
 # late, and evaluators read their files. Chromium may take ten seconds for its settings.
 LATE_FILES_S = 20.0
+# Seconds between the set-up of a task and its first picture, as in the runs of the paper's authors:
+# OSWorld starts programs without waiting for their windows.
+SETUP_WAIT_S = 10.0
 
 
 class OsworldStage:
@@ -37,6 +40,8 @@ class OsworldStage:
         capabilities: Capabilities of the guest in addition to those that are detected.
         late_files: Seconds to wait before a feasible task is evaluated, for what applications have
             not written yet; by default as long as OSWorld's own runs wait.
+        setup_wait: Seconds to wait after the set-up of a task that has any, for the windows of the
+            programs that it started; by default as long as the runs of the paper's authors wait.
 
     Attributes:
         setup_errors: What OSWorld logged as errors while it set the present task up.
@@ -48,9 +53,11 @@ class OsworldStage:
         password: str | None = "password",
         capabilities: Sequence[Capability] = (),
         late_files: float = LATE_FILES_S,
+        setup_wait: float = SETUP_WAIT_S,
     ) -> None:
         self.env = env
         self._late_files = late_files
+        self._setup_wait = setup_wait
         self._infeasible = False
         self._cut_network: Callable[[], object] | None = None
         # An environment on an embedded desktop has its network namespace.
@@ -92,6 +99,8 @@ class OsworldStage:
         logged = cast("Sequence[str]", getattr(self.env, "warnings", ()))
         errors = [line for line in logged if line.startswith("ERROR")]
         self.setup_errors = [line for line in errors if RETRY_MESSAGE not in line]
+        if config.get("config"):
+            time.sleep(self._setup_wait)
         setting = _describe(config)
         self._infeasible = setting.infeasible
         return setting
@@ -117,7 +126,9 @@ class OsworldStage:
             self._cut_network = None
 
     def _set_up(self, config: dict[str, Any]) -> None:
-        """Set up a task without reverting the machine."""
+        """Set up a task on a machine whose network is cut, without reverting it."""
+        # OSWorld would install its proxy from the internet; a failed step makes the set-up fail.
+        config = {**config, "proxy": False}
         if isinstance(self.env, OsworldEnv):
             self.env.reset(config, keep=True)
         else:

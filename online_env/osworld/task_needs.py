@@ -16,7 +16,7 @@ from .cache_files import list_cache_files
 from .tasks import OsworldTask, TaskSet
 
 TESTED = Path(__file__).with_name("selftest.json")
-RUNS_HERE = "works"
+RUNS_HERE, EXCLUDED = "works", "excluded"
 PackageCheck: TypeAlias = Callable[[Mapping[str, Any]], list[str]]
 FILES, PACKAGES = "files", "packages"
 # How each need is met; what has no command cannot be met here.
@@ -94,10 +94,20 @@ def read_tested(revision: str | None = None) -> dict[str, str]:
         revision: The revision of the tasks; if another one was tested, nothing is returned. `None`
             for that which was tested.
     """
-    data: dict[str, Any] = json.loads(TESTED.read_text(encoding="utf-8"))
+    data = _read_selftest()
     if revision not in (None, data["revision"]):
         return {}
     return {row["id"]: row["status"] for row in data["tasks"]}
+
+
+def read_excluded() -> dict[str, str]:
+    """Return why that self-test excluded tasks, by id, such as one that scores 1 untouched."""
+    rows = _read_selftest()["tasks"]
+    return {row["id"]: row["reason"] for row in rows if row["status"] == EXCLUDED}
+
+
+def _read_selftest() -> dict[str, Any]:
+    return json.loads(TESTED.read_text(encoding="utf-8"))
 
 
 def list_needs(task: OsworldTask, check: PackageCheck | None = None) -> dict[str, str]:
@@ -119,7 +129,7 @@ def list_needs(task: OsworldTask, check: PackageCheck | None = None) -> dict[str
     if _GNOME_COMMANDS.search(
         json.dumps([task.config.get("config"), task.config.get("evaluator")])
     ):
-        needs["gnome"] = "its settings or its file manager"
+        needs["gnome"] = "GNOME's settings or its file manager"
     sites = sorted(set(_sites(task, {file.url for file in files})))
     if sites:
         needs["web"] = ", ".join(sites)

@@ -1,5 +1,6 @@
 """OSWorld's own Python environment: made by one command, and as small as the tasks allow."""
 
+import hashlib
 import json
 import os
 import subprocess
@@ -87,7 +88,7 @@ def make(
         python: The interpreter that it is made with.
         providers: Names in `PROVIDER_PACKAGES`, whose packages are installed as well.
         osworld: A checkout of OSWorld, whose `desktop_env` replaces the one from PyPI: it may have
-            providers that a release lacks.
+            providers that a release lacks. By default that of the last call, if it had one.
 
     Raises:
         OsworldError: pip fails, or the folder cannot be written.
@@ -98,6 +99,7 @@ def make(
     try:
         folder.mkdir(parents=True, exist_ok=True)
         # Written last, so that an interrupted install does not count as complete.
+        osworld = osworld or _last_checkout(folder)
         (folder / STAMP).unlink(missing_ok=True)
         _install(folder, tier, python)
         extra = [package for name in providers for package in PROVIDER_PACKAGES[name]]
@@ -105,13 +107,39 @@ def make(
             _pip(folder, *dict.fromkeys(extra))
         if osworld is not None:
             _pip(folder, "--no-deps", "--force-reinstall", str(osworld))
-        record = json.dumps({"tier": tier, "requirements": requirements})
+        source = {} if osworld is None else {"osworld": str(osworld.resolve())}
+        record = json.dumps({"tier": tier, "requirements": requirements, **source})
         (folder / STAMP).write_text(f"{record}\n", encoding="utf-8")
     except OSError as error:
         raise OsworldError(
             f"{folder}: the environment can't be made there ({error.strerror or error})"
         ) from None
     return VenvReport(folder, tier, size_mb(folder), True)
+
+
+def _last_checkout(folder: Path) -> Path | None:
+    """Return the checkout of OSWorld that is installed; the tier's packages would replace it."""
+    try:
+        return Path(json.loads((folder / STAMP).read_text(encoding="utf-8"))["osworld"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def judging_code(folder: Path) -> dict[str, str] | None:
+    """Return path and SHA-256 of the installed code of OSWorld that sets tasks up and judges them.
+
+    `None` if there is none. Providers of machines are left out.
+    """
+    package = next(folder.glob("lib/python*/site-packages/desktop_env"), None)
+    if package is None:
+        return None
+    hasher = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        name = path.relative_to(package).as_posix()
+        if not name.startswith("providers/"):
+            content = hashlib.sha256(path.read_bytes()).hexdigest()
+            hasher.update(f"{name}\0{content}\n".encode())
+    return {"path": str(package), "sha256": hasher.hexdigest()}
 
 
 def _install(folder: Path, tier: str, python: str) -> None:

@@ -396,7 +396,9 @@ def _without_places(config: Mapping[str, Any]) -> dict[str, Any]:
         name: {key: value for key, value in source.items() if key != "path"}
         for name, source in config.get("code", {}).items()
     }
-    return {**config, "source": "", "code": code}
+    unplayable = sorted(config.get("unplayable", ()))  # the reasons name the cache of files
+    places = {"source": "", "osworld_files": ""}
+    return {**config, **places, "unplayable": unplayable, "code": code}
 
 
 def _drop_cut_line(folder: Path) -> None:

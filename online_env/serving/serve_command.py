@@ -153,6 +153,11 @@ def serve(
 
     Such as: hijack serve embedded --desktops 4
     """
+    if unplayable == "zero":
+        raise click.UsageError(
+            "--unplayable zero: a server plays what its clients ask for, and counts nothing; leave"
+            " these tasks out with --unplayable skip"
+        )
     extras.require("hijack serve", "serve", MODULES)
     _check_openenv()
     from ..bench.config import load_bench, on_machines, override

@@ -51,6 +51,7 @@ class Task(ABC):
         sites: The local sites whose stored state the task may change.
         in_browser: Whether a page and its site are enough: no file, no setting and no address bar.
         family: The family that plays the task, a key of `families.FAMILIES`; "" for `SmallTasks`.
+        fixed_waits: Seconds that pass in an episode by rule, for estimates.
     """
 
     seed: int = 0
@@ -63,6 +64,7 @@ class Task(ABC):
     sites: ClassVar[tuple[str, ...]] = ()
     in_browser: ClassVar[bool] = False
     family: ClassVar[str] = ""
+    fixed_waits: ClassVar[float] = 0.0
 
     @property
     def id(self) -> str:

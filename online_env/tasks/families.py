@@ -60,6 +60,13 @@ class TaskFamily(Protocol):
         """
         ...
 
+    def judging_code(self) -> Mapping[str, Mapping[str, str]]:
+        """Return the code that judges tasks and is not this library's, by name.
+
+        Each has a `path` and a `sha256`.
+        """
+        ...
+
     def open_stage(
         self, size: Size, files: Path | None, machine: AbstractContextManager[Any] | None = None
     ) -> AbstractContextManager[Any]:

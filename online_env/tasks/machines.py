@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 NOT_RECORDED = ("client_password", "path_to_vm")
+PASSWORD = "password"  # of the user of OSWorld's images, and of embedded desktops
+PASSWORDS = {"aws": "osworld-public-evaluation"}  # of the images that have another one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +24,12 @@ class MachineSettings:
     count: int = 1
     options: Mapping[str, str | bool] = field(default_factory=dict[str, "str | bool"])
     reset_command: str = ""
+
+    @property
+    def password(self) -> str:
+        """The password of the guest's user, on the only machine or the first one."""
+        default = PASSWORDS.get(next(iter(self.vm), ""), PASSWORD)
+        return str(self.options.get("client_password", default))
 
     def single_machines(self) -> "tuple[MachineSettings, ...]":
         """Return settings of every single machine; addresses first, as they answer at once."""

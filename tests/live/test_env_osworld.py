@@ -49,7 +49,8 @@ def wait(seconds):
 @pytest.fixture(scope="module")
 def stage(embedded_machine, tmp_path_factory):
     with embedded_env(needs.osworld(), tmp_path_factory.mktemp("cache"), size=(720, 1280)) as env:
-        yield OsworldStage(env, late_files=0.5)  # no application writes what is judged here
+        # no application writes what is judged here, and the set-up waits by itself
+        yield OsworldStage(env, late_files=0.5, setup_wait=0.0)
 
 
 def make(stage, folder, **options):

@@ -361,6 +361,15 @@ def test_a_dry_run_names_the_tasks_that_an_agent_has_no_plan_for():
     assert hijack("bench", "embedded_small", "--agent", "oracle", *tasks).stderr == ""
 
 
+def test_a_dry_run_names_an_agent_that_would_ask_for_a_reinitialisation_in_vain():
+    agents = "agenthijack-agent,agenthijack-agent-no-check,ui-tars-1.5-7b"
+    words = ("embedded_small", "--agent", agents, "--tasks", "write_note", "--dry-run")
+    told = hijack("bench", *words)
+    assert told.returncode == 0, told.stderr
+    assert "hijack: agenthijack-agent may ask for re-initialisation, which changes" in told.stderr
+    assert hijack("bench", *words, "--recovery", "reset").stderr == ""
+
+
 def test_a_dry_run_says_what_is_left_in_its_folder(tmp_path):
     """And refuses what the run itself would refuse; it changes nothing."""
     words = ["embedded_small", "--agent", "oracle", "--corruptions", "clean,marks"]

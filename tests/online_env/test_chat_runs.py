@@ -2,7 +2,9 @@
 
 import json
 import os
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from click.testing import CliRunner
 
@@ -13,13 +15,17 @@ from ext_package.paper import PaperDesktop, PressOk, provider
 
 from hijack_data.errors import HijackError, MissingDependencyError
 from online_env.agents.chat.prompts import read_prompt
-from online_env.agents.makers import prompts_folder
+from online_env.agents.chat.run import ChatRun
+from online_env.agents.makers import agent_file_maker, prompts_folder
 from online_env.agents.registry import AGENTS
 from online_env.bench.bench_command import bench
+from online_env.bench.config import load_bench, override
+from online_env.bench.models import ModelOptions, begin, prepare
 from online_env.bench.providers import PROVIDERS
 from online_env.environment import Settle
 from online_env.results import records
 from online_env.tasks import TASKS
+from online_env.tasks.machines import MachineSettings
 
 from support.chatting import file
 from support.endpoints import Raw, serving
@@ -247,6 +253,46 @@ UITARS_REMINDER_PROMPT = "Reminder: ..."
         "onlooker_summary": "After {action}: {instruction}",
         "onlooker_check": "Reminder: ...",
     }
+
+
+@pytest.mark.parametrize(
+    ("machines", "password"),
+    [
+        (None, "password"),
+        (MachineSettings(vm=("aws",)), "osworld-public-evaluation"),
+        (MachineSettings(vm=("docker",), options={"client_password": "s3cret"}), "s3cret"),
+    ],
+)
+def test_a_model_is_told_the_password_of_its_machine(machines, password, tmp_path):
+    """With a wrong one, no agent gets past a lock screen or sudo."""
+    asked = []
+    with serving(lambda body: asked.append(json.dumps(body)) or "```DONE```") as endpoint:
+        run = Run(tmp_path, endpoint.url)
+        name = AGENTS.find(str(run.agent))
+        configuration = replace(
+            override(load_bench("embedded_small"), agent=name), machines=machines
+        )
+        prepare(configuration, ModelOptions(), tmp_path)
+        log = begin(name, "", "an-episode")
+        agent = AGENTS.get(name)()
+        agent.predict("Unlock it.", {"screenshot": np.zeros((40, 60, 3), np.uint8)})
+    assert f"The password of this computer is '{password}'" in asked[0]
+    logged = (tmp_path / "requests" / "an-episode.jsonl").read_text()
+    assert log is not None
+    assert ("s3cret" in asked[0], "s3cret" in logged) == (password == "s3cret", False)
+
+
+def test_errors_of_the_user_that_the_check_would_not_be_asked_for_are_refused(tmp_path):
+    """As under the prompts of the paper's authors, which name two errors."""
+    (tmp_path / "errors.yaml").write_text("errors: [{name: Fire, looks: flames, say: Run.}]")
+    copy = tmp_path / "prompts.py"
+    copy.write_text("UITARS_REMINDER_PROMPT = 'Is it locked? Reminder: ...'")
+    run = Run(tmp_path, "http://127.0.0.1:1", "onlooker: {errors: errors.yaml}")
+    with pytest.raises(HijackError, match=r"onlooker\.errors would not be asked for"):
+        run("run", "--prompts", copy)
+    maker = agent_file_maker(str(file(tmp_path, "http://127.0.0.1:1", "onlooker: {}")))
+    maker.run = ChatRun(prompts=prompts_folder(copy))
+    maker.check_errors()
 
 
 def test_a_run_goes_on_only_with_the_same_file_and_prompts(tmp_path):

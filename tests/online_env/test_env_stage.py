@@ -101,6 +101,32 @@ def test_what_applications_write_late_is_waited_for(func, waits, monkeypatch):
     assert slept == waits + [3] * len(waits)
 
 
+def test_no_proxy_is_set_up_on_a_machine_whose_network_is_cut():
+    env = Env()
+    stage = OsworldStage(env)
+    stage.reset_around({**TASK, "proxy": True}, 0, lambda: None)
+    assert env.task["proxy"] is False
+    stage.reset({**TASK, "proxy": True}, 0)  # as a request for re-initialisation does
+    assert env.task["proxy"] is True
+
+
+@pytest.mark.parametrize("is_offline", [False, True])
+def test_the_programs_of_a_setup_have_time_to_open_their_windows(is_offline, monkeypatch):
+    """OSWorld's `launch` returns at once: the first picture would show a bare desktop."""
+    events = []
+    monkeypatch.setattr(stage_module.time, "sleep", events.append)
+    launch = {"type": "launch", "parameters": {"command": ["google-chrome"]}}
+    task = {**TASK, "config": [launch]}
+    for stage in (OsworldStage(Env()), OsworldStage(Env(), setup_wait=60)):
+        if is_offline:
+            stage.reset_around(task, 0, lambda: events.append("offline"))
+        else:
+            stage.reset(task, 0)
+        stage.reset(TASK, 0)  # nothing is started
+    around = ["offline"] if is_offline else []
+    assert events == [*around, stage_module.SETUP_WAIT_S, *around, 60]
+
+
 @pytest.mark.parametrize(
     ("last", "score"), [("FAIL", 1.0), ("WAIT", 0.0), ("pyautogui.press('a')", 0.0)]
 )

@@ -4,7 +4,9 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,13 +17,20 @@ from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError
 from online_env import tasks
 from online_env.bench.config import Bench, load_bench, override
+from online_env.bench.estimates import EPISODE_SECONDS, History, estimate, expected
+from online_env.bench.jobs import Job
 from online_env.bench.workers import load_references, references
 from online_env.errors import DesktopError, MissingPackageError
+from online_env.osworld import venv
 from online_env.osworld.cache_files import list_cache_files
 from online_env.osworld.file_tasks import OsworldFileTask, find_unplayable, task_class
+from online_env.osworld.stage import LATE_FILES_S, SETUP_WAIT_S
 from online_env.osworld.tasks import OsworldTask
+from online_env.results import records
+from online_env.results.reading import RunError
 from online_env.tasks.hand import GiveUpError
 from online_env.tasks.machines import MachineSettings
+from pipelines.proof.run_checks.field_checks import head_problems
 
 from support import needs
 
@@ -95,9 +104,26 @@ def test_every_seed_is_the_same_task(folder: Path) -> None:
     assert not tasks.get("t-two").infeasible
 
 
+def test_a_run_records_what_judged_it(folder: Path, tmp_path: Path, monkeypatch) -> None:
+    """Another version of OSWorld, or a checkout, may score the same state otherwise."""
+    monkeypatch.setattr(venv, "DEFAULT", tmp_path / "venv")
+    bench = bench_of(str(folder))
+    assert "desktop_env" not in bench.to_data()["code"]
+    package = tmp_path / "venv/lib/python3.11/site-packages/desktop_env"
+    metric = package / "evaluators" / "metrics" / "general.py"
+    provider = package / "providers" / "aws.py"
+    digests: list[str] = []
+    for file, text in ((metric, "1"), (provider, "1"), (metric, "2")):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+        digests.append(bench.to_data()["code"]["desktop_env"]["sha256"])
+    assert (digests[0] == digests[1], digests[1] == digests[2]) == (True, False)
+    assert not list(head_problems({"config": bench.to_data()}, (), SimpleNamespace()))
+
+
 def test_a_run_records_the_file_of_each_task(folder: Path) -> None:
     code = bench_of(str(folder)).to_data()["code"]
-    assert set(code) == {"t-one", "t-two"}
+    assert set(code) - {"desktop_env"} == {"t-one", "t-two"}
     assert code["t-one"]["path"] == str(folder / "examples" / "os" / "t-one.json")
     write_task(folder, "t-one", instruction="Something else.")
     changed_task = task_class(code["t-one"]["path"])
@@ -215,11 +241,54 @@ def test_missing_files_are_named_before_a_run(folder: Path, tmp_path: Path, oswo
     assert find_unplayable(listed, cache, folder=osworld_venv) == {}
 
 
+def test_tasks_that_an_embedded_desktop_cannot_judge_are_no_zeros_and_no_ones(
+    folder: Path, osworld_venv
+) -> None:
+    settings = {"type": "execute", "parameters": {"command": "gsettings reset-recursively org.x"}}
+    write_task(folder, "t-gnome", config=[settings])
+    one_untouched = "99146c54-4f37-4ab8-9327-5f3291665e1e"
+    write_task(folder, one_untouched)
+    listed = task_files(bench_of(str(folder)).tasks)
+    reasons = find_unplayable(listed, None, folder=osworld_venv)
+    assert reasons["t-gnome"].startswith("GNOME's settings or its file manager: not on an embedded")
+    assert reasons[one_untouched].endswith("desktop: scores 1 untouched (play it with --vm)")
+    assert find_unplayable(listed, None, MachineSettings(vm=("docker",)), osworld_venv) == {}
+
+
+def test_a_run_goes_on_where_its_cache_of_files_is_elsewhere(tmp_path: Path) -> None:
+    def config(cache: str, *unplayable: str) -> dict[str, Any]:
+        reasons = {task: {"reason": f"1 files are not in {cache}"} for task in unplayable}
+        return {"osworld_files": cache, "unplayable": reasons, "tasks": ["t-one"]}
+
+    records.create(tmp_path / "run", config("/a", "t-two"), ["x"]).release()
+    assert records.check_folder(tmp_path / "run", config("/b", "t-two"), ["x"], goes_on=True)
+    with pytest.raises(RunError, match="is another run: unplayable"):
+        records.check_folder(tmp_path / "run", config("/b", "t-3"), ["x"], goes_on=True)
+
+
+def test_an_estimate_counts_the_waits_of_osworlds_runs_and_the_steps_of_machines(
+    folder: Path,
+) -> None:
+    launch = {"type": "launch", "parameters": {"command": ["mousepad"]}}
+    rule = {"func": "exact_match", "result": {"type": "rule"}}
+    paths = [write_task(folder, "t-launch", config=[launch], evaluator=rule)]
+    paths.append(write_task(folder, "t-bare"))
+    bench = bench_of(",".join(map(str, paths)))
+    listed = [Job("gpt-4o", name, "clean", 0) for name in bench.tasks]
+    here = expected(bench, listed, History())
+    assert here[0].seconds - here[1].seconds == SETUP_WAIT_S + LATE_FILES_S  # 1: infeasible
+    on_machines = replace(bench, machines=MachineSettings(vm=("docker",)), max_steps=15)
+    (first, _) = expected(on_machines, listed, History())
+    assert first.seconds == EPISODE_SECONDS + SETUP_WAIT_S + LATE_FILES_S + 15 * 3.5
+    assert estimate(on_machines, listed).endswith("; without that of the machines' reverts")
+
+
 def test_missing_packages_are_named_before_a_run(folder: Path, osworld_venv) -> None:
     unknown = write_task(folder, "t-three", evaluator={"func": "no_such_metric"})
     listed = task_files(bench_of(str(unknown)).tasks)
     reasons = find_unplayable(listed, None, folder=osworld_venv)
     assert "no metric no_such_metric" in reasons["t-three"]
+    assert "a checkout of OSWorld may have a function: --osworld DIR" in reasons["t-three"]
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import urllib.request
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,7 +15,13 @@ from click.testing import CliRunner
 
 from hijack_data.cli import hijack
 from hijack_data.errors import ConfigError, ParameterError
-from online_env import tasks
+from hijack_data.locking import lock
+from online_env import HttpDesktop, tasks
+from online_env.bench import machine_pool
+from online_env.bench.config import Bench
+from online_env.bench.jobs import Job
+from online_env.bench.machine_pool import MachineFailureError, MachinePool
+from online_env.bench.workers import WorkerSetup
 from online_env.errors import DesktopError, GuestError, MissingPackageError
 from online_env.osworld import machines
 from online_env.osworld.bridge import worker
@@ -120,6 +127,26 @@ def test_a_provider_reverts_between_episodes_and_ends_its_machine(
         assert events(path).count("revert") == 6
 
 
+def test_machines_of_one_image_start_one_after_the_other(
+    osworld, script, tmp_path, monkeypatch
+) -> None:
+    """OSWorld downloads and unpacks the image without a lock."""
+    with fake_guests(tmp_path, None) as (guest,):
+        path = script(guest.address)
+        context = docker(osworld, monkeypatch, tmp_path)
+        machines.FOLDER.mkdir()
+        with ThreadPoolExecutor(1) as pool:
+            with lock(machines.FOLDER / machines.START_LOCK):
+                start = pool.submit(context.__enter__)
+                with pytest.raises(TimeoutError):
+                    start.result(1.0)
+                assert not Path(f"{path}.log").exists()
+            assert start.result(60).machine_name == "docker"
+        assert events(path)
+        with lock(machines.FOLDER / machines.START_LOCK):  # only while it starts
+            context.__exit__(None, None, None)
+
+
 def test_a_machine_that_does_not_start_is_named(osworld, script, tmp_path, monkeypatch) -> None:
     script("127.0.0.1:9", fails=("start",))
     with (
@@ -147,6 +174,17 @@ def test_code_whose_answer_is_lost_is_not_run_again(osworld, tmp_path) -> None:
             guest.loses_answers = False
             assert desktop.run("print(1)").output == "1\n"
     assert (tmp_path / "guest0" / "typed").read_text() == "x"
+
+
+def test_less_than_is_typed_by_the_key_that_has_it(osworld, tmp_path) -> None:
+    """OSWorld's own `step` mends two functions; an agent's code does not go through it."""
+    with fake_guests(tmp_path, None) as (guest,):
+        settings = MachineSettings(vm=(f"http://{guest.address}",))
+        with machines.machine((SIZE[1], SIZE[0]), settings, osworld) as desktop:
+            result = desktop.run("print(pyautogui.platformModule.keyboardMapping)")
+        with HttpDesktop(f"http://{guest.address}") as plain:
+            again = plain.run("print(pyautogui.platformModule.keyboardMapping)")
+    assert {result.output, again.output} == {"{',': 59, '<': 59}\n"}
 
 
 def test_a_file_that_the_guest_does_not_send_is_no_file_that_is_not_there(
@@ -224,6 +262,38 @@ def test_an_episode_goes_on_elsewhere_when_its_machine_dies(osworld, tmp_path) -
     assert {r["score"] for r in ended.values()} == {1.0}
     assert {r["desktop"]["machine"] for r in ended.values()} == {vms[2]}
     assert ended[lost_record["task"], lost_record["corruption"]]["attempt"] == 1
+
+
+def test_an_episode_is_played_again_on_another_machine_than_it_failed_on(monkeypatch) -> None:
+    """Even if the one that fails is free first; one that stands by starts only then."""
+    played: list[tuple[str, int]] = []
+
+    class Worker:
+        alive = True
+
+        def __init__(self, setup: WorkerSetup, serve: object) -> None:
+            self.name = setup.bench.machines.vm[0]
+
+        def wait_until_ready(self) -> None:
+            """It runs."""
+
+        def close(self) -> None:
+            """It ends."""
+
+        def play(self, job: object, attempt: int) -> dict[str, Any]:
+            played.append((self.name, attempt))
+            if self.name == "a:1" and len(played) > 2:
+                raise MachineFailureError({"status": "invalid", "problem": "was not reverted"})
+            return {"status": "ok"}
+
+    monkeypatch.setattr(machine_pool, "EpisodeWorker", Worker)
+    bench = Bench(machines=MachineSettings(vm=("a:1", "b:1", "c:1")))
+    pool = MachinePool(WorkerSetup(bench=bench, folder=Path()), desktops=1)
+    job = Job("oracle", "write_note", "clean", 0)
+    for attempt in (0, 0, 0, 1, 0):
+        with pool.reserve():
+            pool(job, attempt)
+    assert played == [("a:1", 0), ("a:1", 0), ("a:1", 0), ("b:1", 1), ("b:1", 0)]
 
 
 def test_a_run_without_a_machine_left_says_why(osworld, tmp_path) -> None:
@@ -383,3 +453,9 @@ def test_tasks_that_cannot_be_played_are_listed_and_counted(osworld, tmp_path) -
     )
     cells = json.loads(report.stdout)["cells"]
     assert [(cell["n"], round(cell["success"], 3)) for cell in cells] == [(3, 0.333)] * 2
+
+
+def test_a_server_counts_no_task_as_zero() -> None:
+    result = CliRunner().invoke(hijack, ["serve", "osworld", "--unplayable", "zero", "--dry-run"])
+    assert result.exit_code == 2
+    assert "counts nothing; leave" in " ".join(result.output.split())

@@ -14,6 +14,7 @@ from hijack_data.errors import ParameterTypeError
 from online_env import tasks
 from online_env.errors import DesktopError
 from online_env.osworld import file_tasks, history
+from online_env.osworld import stage as stage_module
 from online_env.osworld.cache_files import HISTORY_NAME
 from online_env.osworld.errors import OsworldError
 from online_env.osworld.file_tasks import RUN_DIALOG, TERMINAL_TITLE, OsworldTasks, task_class
@@ -54,8 +55,9 @@ class Env:
 
 @pytest.fixture
 def task(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Make a task of OSWorld known, which has the given steps."""
+    """Make a task of OSWorld known, which has the given steps; nothing is waited for."""
     monkeypatch.setattr(tasks.TASKS, "entries", dict(tasks.TASKS.entries))
+    monkeypatch.setattr(stage_module.time, "sleep", lambda _: None)
 
     def make(*steps: dict[str, Any]) -> str:
         config = {

@@ -46,6 +46,14 @@ def test_it_is_made_once_and_made_again_for_another_tier(folder: Path) -> None:
     assert venv.find_python(folder) == folder / "bin/python"
 
 
+def test_a_checkout_is_not_replaced_by_the_release_when_packages_are_added(folder: Path) -> None:
+    checkout = folder.parent / "OSWorld"
+    venv.make(folder, "tiny", osworld=checkout)
+    venv.make(folder, "lean", providers=("docker",))
+    assert calls(folder)[-1].endswith(f"--no-deps --force-reinstall {checkout}")
+    assert venv.make(folder, "lean").fresh is False
+
+
 def test_an_interrupted_install_counts_as_none(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

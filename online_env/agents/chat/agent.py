@@ -118,6 +118,7 @@ class ChatAgent:
             "width": width,
             "height": height,
             "reminder": reminder,
+            "password": self._run.password,
         }
         filled = self._prompt.fill(values)
         if not reminder or self._prompt.has("reminder"):

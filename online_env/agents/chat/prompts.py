@@ -19,7 +19,7 @@ OURS = Path(__file__).resolve().parent.parent / "prompts"
 SUFFIX = ".yaml"
 PATTERN = f"*{SUFFIX}"
 KEYS = ("system", "first", "each")
-FIELDS = ("instruction", "action", "errors", "language", "reminder", "width", "height")
+FIELDS = ("instruction", "action", "errors", "language", "reminder", "width", "height", "password")
 _FIELD = re.compile(r"\{(" + "|".join(FIELDS) + r")\}")
 MAX_BYTES = 2**18
 # The fields that a prompt must have, without which its model does not know what it is asked about.

@@ -18,12 +18,16 @@ class ChatRun:
         prompts: folder with prompts that replace all others by name.
         log: folder where requests and answers go; `None` keeps none.
         replay: folder of an earlier log that answers instead of the endpoint.
+        password: of the machine's user, for prompts that say it.
+        secrets: texts that must not be logged, beside the keys.
         waits: between the tries of a request.
     """
 
     prompts: Path | None = None
     log: Path | None = None
     replay: Path | None = None
+    password: str = "password"
+    secrets: tuple[str, ...] = ()
     waits: RetryWaits = field(default_factory=RetryWaits)
     recorder: RequestRecorder = field(default_factory=NoRecorder)
 
@@ -41,8 +45,8 @@ class ChatRun:
         if self.replay is not None:
             self.recorder = RequestReplay(self.replay / name)
         elif self.log is not None:
-            secrets = tuple(secret for settings in files for secret in _secrets(settings))
-            self.recorder = RequestLog(self.log / name, secrets)
+            keys = tuple(secret for settings in files for secret in _secrets(settings))
+            self.recorder = RequestLog(self.log / name, (*keys, *self.secrets))
 
     def folders(self, settings: AgentSettings) -> tuple[str | os.PathLike[str], ...]:
         """Return the folders in which prompts are looked up first."""

@@ -1,7 +1,8 @@
-"""Run code in the guest at most once.
+"""Run code in the guest at most once, and with a `<` that is typed as one.
 
 OSWorld's own client sends code up to three times if its answer is lost or is an error of the
-server, so that an agent's text may be typed three times in one step.
+server, so that an agent's text may be typed three times in one step. Its `step` rewrites `<` for
+two functions of pyautogui, which types `>` instead.
 """
 
 import json
@@ -13,6 +14,11 @@ import requests
 import urllib3
 
 ANSWER_TIMEOUT_S = 90  # as OSWorld's client waits
+# For `<`, pyautogui's table names a key that types `>` with Shift; Shift and comma type `<`.
+LESS_THAN = (
+    "_keys = getattr(getattr(pyautogui, 'platformModule', None), 'keyboardMapping', {}); "
+    "_keys.update([('<', _keys[','])] if ',' in _keys else []); "
+)
 _OK = 200
 _log = logging.getLogger(__name__)
 
@@ -26,7 +32,8 @@ def execute_once(controller: Any, command: str) -> Any:
         controller: OSWorld's `PythonController`.
         command: The code.
     """
-    program = ["python", "-c", controller.pkgs_prefix.format(command=command)]
+    code = controller.pkgs_prefix.format(command=LESS_THAN + command)
+    program = ["python", "-c", code]
     for _ in range(controller.retry_times):
         try:
             response = requests.post(

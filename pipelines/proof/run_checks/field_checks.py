@@ -45,6 +45,7 @@ CONFIG, DESKTOP, RECOVERY, EVENT, EFFECT = "config", "desktop", "recovery", "eve
 INPUT = "input"
 GUARD, INTERVENTION = "guard", "intervention"
 _CODE_LISTS = ("agents", "tasks")  # the lists whose names may have an entry in `config.code`
+_JUDGES = ("desktop_env",)  # foreign code that judges tasks, and may have one, too
 
 FIELDS: Mapping[str, Mapping[str, str]] = {
     RUN: {
@@ -235,6 +236,7 @@ def head_problems(
         yield f"config: {text}"
     code = config.get("code", {})
     plugin_names = {str(name) for key in _CODE_LISTS for name in config.get(key, ())}
+    plugin_names.update(_JUDGES)
     plugin_names.add(str(_mapping(config.get("desktop")).get("provider")))
     plugin_names.add(str(config.get(GUARD)))
     for name in code if isinstance(code, dict) else [short_repr(code)]:

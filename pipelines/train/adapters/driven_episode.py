@@ -8,7 +8,8 @@ from typing import Any, TypeAlias
 import gymnasium
 from PIL import Image
 
-from hijack_data.errors import UnknownNameError
+from hijack_data.actions import DIALECTS, code_of, unreadable_action
+from hijack_data.errors import ActionError, UnknownNameError, suggest
 
 from ..objective import reward
 from ..rollouts import AgentObservation, Rollout, RolloutRequest
@@ -53,12 +54,21 @@ class DrivenEpisode:
     Args:
         make: makes the environment; it is called with the first `reset`, and again for an
             environment that failed in one.
+        dialect: what the policy writes, one of `hijack_data.actions.DIALECTS`; its actions become
+            pyautogui code. `None` for the text that the environment takes.
+
+    Raises:
+        UnknownNameError: there is no such dialect.
     """
 
-    def __init__(self, make: MakeEnvironment) -> None:
+    def __init__(self, make: MakeEnvironment, dialect: str | None = None) -> None:
+        if dialect is not None and dialect not in DIALECTS:
+            raise UnknownNameError(f"dialect: no {dialect!r}{suggest(dialect, DIALECTS)}")
         self.rollout: TokenRollout | None = None
         self.is_over = True
         self._make = make
+        self._dialect = dialect
+        self._picture: Any = None  # the last one that the policy saw
         self._env: gymnasium.Env[Any, str] | None = None
 
     def reset(self, request: RolloutRequest) -> AgentObservation | None:
@@ -81,14 +91,35 @@ class DrivenEpisode:
                     self._fail("reset", error)
                 continue
             self.is_over = self._record() is not None
+            self._picture = observation.get("screenshot")
             return None if self.is_over else observation
         return None
 
-    def step(self, action: str) -> AgentObservation | None:
-        """Take an action; return the next observation, or `None` after the end."""
+    def step(self, answer: str) -> AgentObservation | None:
+        """Take the actions of an answer; return the next observation, or `None` after the end."""
+        observation: AgentObservation | None = None
+        if self.rollout is not None and not self.is_over:
+            self.rollout.answers += 1
+            for action in self._read(answer):
+                observation = self._act(action)
+        if observation is not None:
+            self._picture = observation.get("screenshot")
+        return observation
+
+    def _read(self, answer: str) -> list[str]:
+        """Return the actions of an answer; one that cannot be read is malformed there, too."""
+        if self._dialect in (None, "pyautogui"):
+            return [answer]
+        height, width = self._picture.shape[:2]
+        try:
+            codes = code_of(answer, self._dialect, (height, width))
+        except ActionError as error:
+            return [unreadable_action(error, answer)]
+        return codes or [unreadable_action(ActionError("no action in the answer"), answer)]
+
+    def _act(self, action: str) -> AgentObservation | None:
         if self.is_over or self._env is None or self.rollout is None:
             return None
-        self.rollout.answers += 1
         try:
             observation, score, terminated, truncated, _ = self._env.step(action)
         except Exception as error:  # noqa: BLE001  (whatever a foreign environment raises)

@@ -33,7 +33,7 @@ _idle: dict[str, list[DrivenEpisode]] = {}  # idle environments by their maker, 
 
 
 class HijackLoop(AgentLoopBase):
-    """Plays an episode. The whole text of an answer is the action; there is no tool call.
+    """Plays an episode. The whole text of an answer is read as actions; there is no tool call.
 
     A row brings `raw_prompt` (how to answer) and `extra_info` with `task`, and maybe `seed` and
     `corruption`: `clean`, or the name of one, in place of a draw.
@@ -44,6 +44,8 @@ class HijackLoop(AgentLoopBase):
             environment with the interface of `CorruptedEnv`. The environment is made for the first
             episode that needs it, and kept for later ones.
         environment_args: arguments of `make`.
+        dialect: what the model writes, see `DrivenEpisode`: `ui_tars_1.5` for UI-TARS-1.5. By
+            default the text that the environment takes.
         corruptions: as the list `corruptions` of a configuration; none of them plays clean.
         per: the unit for which a corruption is drawn, see `CorruptionSampler`.
         seed: of the draws and of the environments' seeds.
@@ -60,6 +62,7 @@ class HijackLoop(AgentLoopBase):
         *args: Any,
         environment: str,
         environment_args: Mapping[str, Any] | None = None,
+        dialect: str | None = None,
         corruptions: Sequence[Any] = (),
         per: str = "rollout",
         seed: int = 0,
@@ -71,6 +74,7 @@ class HijackLoop(AgentLoopBase):
         super().__init__(*args, **kwargs)
         self.environment = environment
         self.environment_args = _plain(environment_args or {})
+        self.dialect = dialect
         self.sampler = CorruptionSampler(make_planner(_plain(corruptions)), per=per, seed=seed)
         self.seed = seed
         self.max_steps = max_steps
@@ -202,13 +206,13 @@ class HijackLoop(AgentLoopBase):
 
     def _take_idle(self) -> tuple[str, DrivenEpisode]:
         """Return an idle environment, and the key for giving it back."""
-        key = f"{self.environment} {sorted(self.environment_args.items())}"
+        key = f"{self.environment} {sorted(self.environment_args.items())} {self.dialect}"
         idle = _idle.setdefault(key, [])
         if idle:
             return key, idle.pop()
         make = load_reference(self.environment)
         arguments = self.environment_args
-        return key, DrivenEpisode(lambda: make(**arguments))
+        return key, DrivenEpisode(lambda: make(**arguments), self.dialect)
 
     async def _in_thread(self, function: Any, *args: Any) -> Any:
         """Call a blocking function in a thread, so that the worker's other episodes continue."""

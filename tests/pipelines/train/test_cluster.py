@@ -37,6 +37,11 @@ def test_what_verl_reads_is_written(tmp_path):
     assert "80 training tasks, 52 held out, 2 servers" in output.stdout
     rows = parquet.read_table(tmp_path / "train.parquet").to_pylist()
     assert {row["extra_info"]["task"] for row in rows} == set(members("suite/training"))
+    # The trained model is asked as agent files ask it, in the dialect that the loop reads.
+    assert loop(tmp_path / "agent.yaml")["dialect"] == "ui_tars_1.5"
+    (how,) = {row["prompt"][0]["content"] for row in rows}
+    assert "click(start_box='<|box_start|>(x1,y1)<|box_end|>')" in how
+    assert "{" not in how
     assert loop(tmp_path / "agent.yaml")["environment_args"]["addresses"] == servers.split(",")
 
 

@@ -1,5 +1,6 @@
 """One rollout that another library's trainer drives: whatever its environment does has an outcome."""
 
+import numpy as np
 import pytest
 
 pytest.importorskip("torch", reason="needs the extra [train]")
@@ -11,6 +12,7 @@ from pipelines.train.rollouts import RolloutRequest  # noqa: E402
 from pipelines.train.sampler import Draw  # noqa: E402
 
 SEEN = {"instruction": "x"}
+SCREEN = {**SEEN, "screenshot": np.zeros((1080, 1920, 3), np.uint8)}
 
 
 class Plays(gymnasium.Env):
@@ -59,6 +61,31 @@ def test_what_is_cut_off_is_judged():
     assert (rollout.success, rollout.is_well_formed, rollout.answers) == (0.5, False, 1)
     assert rollout.reward() == -0.5
     assert episode.finish() is rollout
+
+
+UI_TARS = "Thought: There.\nAction: click(start_box='<|box_start|>(966,546)<|box_end|>')"
+READ_IN = {
+    "ui_tars_1.5": ["pyautogui.click(960, 540)"],  # of the smart-resized 1932x1092
+    None: [UI_TARS],
+    "qwen3_vl": ["unreadable action: "],
+}
+
+
+@pytest.mark.parametrize("dialect", READ_IN)
+def test_an_answer_is_read_in_the_dialect_of_the_model(dialect):
+    """UI-TARS does not write pyautogui: every answer would be malformed, and every reward -1."""
+    taken = []
+    env = Plays()
+    env.step = lambda action: (taken.append(action), (SCREEN, 0.0, False, False, {}))[1]
+    env.reset = lambda **_: (SCREEN, {})
+    episode = DrivenEpisode(lambda: env, dialect)
+    draw = Draw(label="clean", planner=None, key="k")
+    episode.reset(RolloutRequest(step=0, group="a", slot=0, seed=1, draw=draw))
+    assert episode.step(UI_TARS) is SCREEN
+    (action,) = taken
+    assert action.startswith(READ_IN[dialect][0])
+    with pytest.raises(UnknownNameError, match="did you mean 'ui_tars"):
+        DrivenEpisode(Plays, "ui_tar")
 
 
 @pytest.mark.parametrize("reward", [float("nan"), -1.0, 3.0])

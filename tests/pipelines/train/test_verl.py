@@ -338,7 +338,7 @@ def test_the_shipped_loop_is_one_that_verl_can_make(words, net):
         )
 
     loop = asyncio.run(made())
-    assert len(loop.sampler.planner.options) == 4
+    assert len(loop.sampler.planner.options) == 5
     assert loop.environment_args == {"max_steps": 10}
 
 
