@@ -106,6 +106,26 @@ def test_a_maximum_that_is_luck_shrinks(tmp_path: Path) -> None:
     assert "network_error+slow_network" not in kinds, "they exclude each other"
 
 
+def test_one_case_that_counts_does_not_make_the_worst(tmp_path: Path) -> None:
+    class Hiding(FakePlayer):
+        """All cases but one of `marks` do not count."""
+
+        def losses(self, name: str, planners: Any, *, held_out: bool) -> dict[str, list[float]]:
+            every = super().losses(name, planners, held_out=held_out)
+            return {
+                label: losses[:1] if planners[label].label == "marks" else losses
+                for label, losses in every.items()
+            }
+
+    def loss(planner: hj.Planner, case: int) -> float:
+        return {"marks": 1.0, "subtitle": float(case % 4 < 3)}.get(planner.label, 0.0)
+
+    plans, _ = run(Hiding(loss), tmp_path / "a", names=("marks", "subtitle", "pop_ups"), keep=15)
+    labels = [plan.planner.label for plan in plans]
+    assert labels == sorted(labels, reverse=True)
+    assert (plans[0].confirmed, plans[-1].confirmed) == (Loss(0.75, 4), Loss(1.0, 1))
+
+
 def test_a_budget_that_pays_for_nothing_is_refused(tmp_path: Path) -> None:
     space = SearchSpace(NAMES)
     with pytest.raises(ParameterError, match=r"--budget 40 is too small.* are 48; raise it"):
