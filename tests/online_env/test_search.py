@@ -19,6 +19,7 @@ from ext_package.paper import PaperDesktop, PressOk, provider
 import hijack_data as hj
 from hijack_data.cli import main
 from hijack_data.errors import ParameterError
+from online_env.bench import run_command
 from online_env.bench.config import Bench, load_bench, override
 from online_env.bench.plan_set import Loss, PlanSet, PlanSetError, WorstPlan, read_plan_set
 from online_env.bench.providers import PROVIDERS
@@ -270,7 +271,9 @@ def test_effects_are_no_pictures(dataset: Path) -> None:
         PlannedRows(dataset, {"verification": hj.Verification()}, seed=0)
 
 
-def test_a_set_of_plans_is_a_closed_world(tmp_path: Path, capsys: Any) -> None:
+def test_a_set_of_plans_is_a_closed_world(
+    dataset: Path, tmp_path: Path, capsys: Any, monkeypatch: Any
+) -> None:
     pair = hj.Sequence([hj.PopUps(width=400), hj.make_corruption("slow_network")])
     plan = WorstPlan(label="t1_pair", planner=pair, found=Loss(1, 2), confirmed=Loss(0.5, 2))
     bench = {"tasks": ["write_note"], "seeds": [0, 1], "max_steps": 7}
@@ -279,7 +282,10 @@ def test_a_set_of_plans_is_a_closed_world(tmp_path: Path, capsys: Any) -> None:
     PlanSet(agent="oracle", search={}, bench=bench, size=size, plans=[plan]).write(path)
     assert read_plan_set(path).plans[0].planner.to_config() == pair.to_config()
     assert plan.shrinkage == 0.5
+    reads: list[Path] = []
+    monkeypatch.setattr(run_command, "read_plan_set", lambda p: reads.append(p) or read_plan_set(p))
     assert hijack("bench", "--plans", path, "--dry-run", "--agent", "do_nothing") == 0
+    assert reads == [path], "what is checked is what is played"
     printed = capsys.readouterr()
     assert printed.out.count("do_nothing  write_note") == 4, "2 seeds, clean and pair"
     assert "partly luck" not in printed.err, "the pair was chosen for another agent"
@@ -296,6 +302,10 @@ def test_a_set_of_plans_is_a_closed_world(tmp_path: Path, capsys: Any) -> None:
         assert hijack("bench", *config, "--plans", path, "--dry-run") == code
         outcome = capsys.readouterr()
         assert text in " ".join((outcome.out + outcome.err).split("\n"))
+    PlanSet(agent="oracle", search={}, bench=bench, size=size, plans=[]).write(path)
+    for command in (("bench",), ("score", dataset, "--agent", "do_nothing")):
+        assert hijack(*command, "--plans", path, "--dry-run") == 2
+        assert "holds no corruption: none cost anything" in capsys.readouterr().err
     data = json.loads(path.read_text())
     path.write_text(json.dumps({**data, "agent": "mine"}))
     with pytest.raises(PlanSetError, match="was edited"):
