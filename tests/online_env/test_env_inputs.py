@@ -96,6 +96,25 @@ def test_a_slip_hits_no_action_that_arrives_where_it_aimed(code, dx, arrived):
     assert altered == (arrived and f"pyautogui.{arrived}")
 
 
+@pytest.mark.parametrize(
+    ("code", "is_hit"),
+    [
+        ("press('ctrl+l')", False),  # a model's mistake, at which pyautogui presses nothing
+        ("hotkey('nosuch')", False),
+        ("hotkey()", False),
+        ("write(['nosuch'])", False),
+        ("keyDown('nosuch'); pyautogui.keyUp('nosuch')", False),
+        ("hotkey('nosuch', 'L')", True),
+        ("press(['nosuch', 'Enter'])", True),
+        ("write('nosuch')", True),
+    ],
+)
+def test_a_key_that_there_is_not_uses_no_fault_up(code, is_hit):
+    for fault in (InputFault("drop"), InputFault("repeat")):
+        altered = alter_code(f"pyautogui.{code}", fault, (100, 200), as_boxes([]))
+        assert (altered is not None) == is_hit
+
+
 @pytest.mark.parametrize("name", hj.corruption_names("everyday")[:3])
 def test_verify_computes_what_arrived_again_and_finds_edits(name, tmp_path):
     env, _ = make(corruption=hj.make_corruption(name, step=(0, 2)), log=tmp_path)
