@@ -3,7 +3,9 @@
 
 import json
 import re
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from click.testing import CliRunner
@@ -13,8 +15,9 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 import hijack_data as hj
 from hijack_data.actions.input_faults import InputFault, alter_code
 from hijack_data.cli import hijack
-from hijack_data.errors import ParameterError
+from hijack_data.errors import ParameterError, PlanningError
 from hijack_data.params import Every
+from hijack_data.plugin import Corruption, Draft
 from hijack_data.types import as_boxes
 from pipelines.proof.rebuild import rebuild
 
@@ -199,6 +202,20 @@ def test_parts_that_cannot_act_together_are_refused(parts, words):
     env, _ = make(corruption=hj.Sequence(parts))
     with pytest.raises(ParameterError, match=words):
         env.reset(seed=0)
+
+
+def test_a_plan_of_one_corruption_has_each_kind_of_fault_once():
+    @dataclass(frozen=True)
+    class Lossy(Corruption):
+        name: ClassVar[str] = "lossy"
+        scope: ClassVar[str] = "action"
+        inputs: ClassVar[tuple[str, ...]] = ("drop",)
+
+        def make_plan(self, scene, stream, step):
+            return Draft(inputs=(InputFault("drop", ("click",)), InputFault("drop", ("key",))))
+
+    with pytest.raises(PlanningError, match="lossy-v1 plans the fault 'drop' twice at one step"):
+        Lossy().plan(hj.Scene((9, 9)), seed=0)
 
 
 def test_an_agent_that_may_run_any_code_is_refused():
