@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from hijack_data.errors import HijackError
 from hijack_data.planner import Planner
 from hijack_data.registry import is_ours
 from hijack_data.runs.run_log import GIVEN, VERSION, episode_slug
@@ -374,7 +373,7 @@ def _take_turn(
         _store_usage(env, agent, guarded)
         _end_as_failure(env, error)
         return obs
-    except HijackError as error:  # agents raise AgentError only
+    except Exception as error:  # noqa: BLE001  (agents raise AgentError only; a guard anything)
         _store_usage(env, agent, guarded)
         _end_as_failure(env, AgentError(f"{type(error).__name__} in its guard: {error}"))
         return obs

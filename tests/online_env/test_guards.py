@@ -349,6 +349,19 @@ def test_a_guarded_run_whose_desktop_once_failed_at_the_start_verifies(tmp_path,
 
 
 @pytest.mark.usefixtures("paper")
+@pytest.mark.parametrize("error", [ValueError("no text"), HijackError("no text")])
+def test_a_guard_that_fails_ends_its_episode_and_not_the_run(error, tmp_path, monkeypatch):
+    def check(self, picture, instruction):
+        raise error
+
+    monkeypatch.setattr(RulesOnlooker, "check", check)
+    _, value = run(tmp_path, "--guard", "rules", code=1)
+    (record,) = value.records
+    assert (record["status"], record["cause"]) == ("error", "agent")
+    assert f"{type(error).__name__} in its guard: no text" in record["problem"]
+
+
+@pytest.mark.usefixtures("paper")
 def test_guards_that_cannot_be_are_refused_before_the_run(tmp_path):
     with pytest.raises(UnknownNameError, match="not 'rule'; did you mean 'rules'"):
         run(tmp_path, "--guard", "rule")
@@ -384,3 +397,12 @@ def test_scored_rows_are_asked_through_the_guard(tmp_path, monkeypatch):
     assert value.config["guard"] == "rules"
     assert {record["last_action"] for record in value.records} == {"WAIT"}
     assert all(record["guard"]["interventions"] for record in value.records)
+
+    def fail(self, picture, instruction):
+        raise ValueError("no text")
+
+    monkeypatch.setattr(Waits, "check", fail)
+    result = CliRunner().invoke(score, [*words, "--out", str(tmp_path / "failed")])
+    assert result.exit_code == 1, result.output
+    problems = {record["problem"] for record in records.read(tmp_path / "failed").records}
+    assert problems == {"the agent: ValueError in its guard: no text"}
