@@ -254,12 +254,20 @@ class EpisodeEffects:
 
         Args:
             step: The number of the next observation.
+
+        Raises:
+            EffectError: One cannot be undone, so it would last longer than planned.
         """
         for live in reversed(self._live):
             with _guarded(live.kind):
                 is_over = live.active and live.applied.has_ended(step - max(live.step, 0))
             if is_over:
                 live.undo()
+                if not live.clean:
+                    problem = live.applied.record["undone"][-1]["problem"]
+                    raise EffectError(
+                        f"{live.kind} of step {live.step} is over, and cannot be undone: {problem}"
+                    )
 
     def refresh(self) -> None:
         """Refresh effects that would fade by themselves."""

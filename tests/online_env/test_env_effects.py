@@ -211,6 +211,16 @@ def test_an_effect_lasts_as_long_as_it_says(monkeypatch) -> None:
     assert noted(stage, "undo") == ["undo a", "undo b"]  # each once
 
 
+@pytest.mark.parametrize(("action", "status"), [("WAIT", "invalid"), (CLICK, "error")])
+def test_an_effect_that_lasts_longer_than_planned_is_not_scored(action, status) -> None:
+    due = {0: (layer("a", lasts={"steps": 1}, stays=1),)}
+    env, stage = make(corruption=Layers(due))
+    play(env, action, "DONE")
+    assert (env.record["status"], env.record["score"]) == (status, None)
+    assert "test_layer of step 0 is over, and cannot be undone: a stays" in env.record["problem"]
+    assert (stage.desktop.state, noted(stage, "undo")) == (set(), ["undo a", "undo a"])
+
+
 def test_a_wrong_duration_ends_the_episode_before_anything_is_changed() -> None:
     env, stage = make(corruption=Layers({0: (layer("a", lasts={"steps": 0}),)}))
     env.reset(seed=0)
