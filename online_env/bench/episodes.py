@@ -247,6 +247,7 @@ def play(
     *,
     privileged_inputs: Sequence[str] = (),
     limit: float = math.inf,
+    onlooker: Onlooker | None = None,
 ) -> ResultRecord:
     """Run one episode and return its record.
 
@@ -265,6 +266,7 @@ def play(
             its task and desktop.
         privileged_inputs: What the agent is given besides, of `run_log.GIVEN_KINDS`.
         limit: Seconds that the episode may take.
+        onlooker: What watches the agent; `None` for nothing.
 
     Raises:
         MissingCapabilityError: The desktop lacks a capability that the corruption needs.
@@ -272,7 +274,15 @@ def play(
     inputs = [*privileged_inputs, *(() if is_ours(type(agent)) else ("process",))]
     with AgentThread(lambda: agent) as thread:
         return _play_episode(
-            env, thread, job, attempt, planner, show, limit, privileged_inputs=inputs
+            env,
+            thread,
+            job,
+            attempt,
+            planner,
+            show,
+            limit,
+            privileged_inputs=inputs,
+            onlooker=onlooker,
         )
 
 

@@ -1,6 +1,7 @@
 """Guards: the rules on pictures, a model that looks on, and runs of both with `--guard`."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from PIL import Image
 from hijack_data.cli import main
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from online_env.agents.agent_calls import method_names
+from online_env.agents.agent_thread import AgentThread
 from online_env.agents.chat.onlooker import CHECK
 from online_env.agents.guarded import Guarded, Notice, joint_usage
 from online_env.agents.guards import check_guard, find_guard, make_onlooker
@@ -33,6 +35,7 @@ from online_env.bench.bench_command import bench
 from online_env.bench.providers import PROVIDERS
 from online_env.environment import Settle
 from online_env.errors import DesktopError
+from online_env.mcp.tool_client import ToolClient
 from online_env.report.build import build_report
 from online_env.results import records
 from online_env.scoring.score_command import score
@@ -234,6 +237,28 @@ def test_a_cost_that_one_of_the_two_does_not_know_is_not_known():
     assert joint_usage(counts, {**counts, "usd": 0.25})["usd"] is None
     assert joint_usage(None, {"reading": {}}) == {"guard": {"reading": {}}}
     assert joint_usage(None, None) is None
+
+
+def test_a_client_of_mcp_reads_what_its_guard_says():
+    class Tells:
+        name, checks, reinits, settings, usage = "t", False, False, {}, None
+
+        def begin_step(self):
+            pass
+
+        def watch(self, instruction, step, picture):
+            return Notice(kind="k", summary="It clicked.", reminder="Look.")
+
+    client = ToolClient()
+    obs = {"screenshot": np.zeros((9, 9, 3), np.uint8)}
+    with AgentThread(lambda: client) as agent, ThreadPoolExecutor() as pool:
+        guarded = Guarded(agent, Tells())
+        pool.submit(lambda: [guarded.predict("do it", obs) for _ in range(2)])
+        first, second = client.look(), client.act(CLICK)
+        client.leave()
+    assert (first.instruction, first.notice) == ("do it", "")
+    assert second.instruction == "do it"
+    assert second.notice == "Your last step: It clicked.\n\nReminder: Look."
 
 
 # Runs
