@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
+from hijack_data.errors import ParameterError
 from hijack_data.plan import Effect, Plan
 from hijack_data.planner import Planner
 from hijack_data.types import Scene
@@ -221,8 +222,9 @@ def test_an_effect_that_lasts_longer_than_planned_is_not_scored(action, status) 
     assert (stage.desktop.state, noted(stage, "undo")) == (set(), ["undo a", "undo a"])
 
 
-def test_a_wrong_duration_ends_the_episode_before_anything_is_changed() -> None:
-    env, stage = make(corruption=Layers({0: (layer("a", lasts={"steps": 0}),)}))
-    env.reset(seed=0)
-    assert 'lasts of an effect is {"steps": 1 to 10000}' in env.record["problem"]
-    assert noted(stage, "apply") == []
+def test_a_wrong_duration_is_refused_before_the_episode() -> None:
+    env, stage = make(corruption=Layers({5: (layer("a", lasts={"step": 3}),)}))
+    words = r'layers: test_layer: lasts of an effect is {"steps": 1 to 10000}'
+    with pytest.raises(ParameterError, match=words):
+        env.reset(seed=0)
+    assert (env.record, noted(stage, "apply")) == (None, [])
