@@ -47,9 +47,10 @@ def recovery_note(run: Run) -> Iterator[str]:
         if isinstance(counts, dict) and counts.get("requests"):
             agent_counts = counts_by_agent.setdefault(record["agent"], Counter())
             agent_counts.update({key: n for key, n in counts.items() if isinstance(n, int)})
+    with_guard = " with its guard" if run.config.get("guard") else ""
     requests = [
-        f"{agent} asked {total['requests']} times to be re-initialised ({total['false_alarms']}"
-        f" false alarms), and {total['repaired']} were repaired"
+        f"{agent}{with_guard} asked {total['requests']} times to be re-initialised"
+        f" ({total['false_alarms']} false alarms), and {total['repaired']} were repaired"
         for agent, total in counts_by_agent.items()
         if total["requests"]
     ]
