@@ -218,18 +218,38 @@ def test_halves_of_the_rows_are_apart_and_hidden_targets_count_for_nothing(
     assert {label: len(values) for label, values in losses.items()} == {"h": 0, "m": player.cases}
 
 
-@pytest.mark.usefixtures("no_waiting")
-def test_a_live_search_confirms_on_later_seeds(tmp_path: Path, monkeypatch: Any) -> None:
+@pytest.fixture
+def config(tmp_path: Path, monkeypatch: Any) -> Path:
+    """A benchmark on a desktop of paper."""
     for registry in (PROVIDERS, TASKS):
         monkeypatch.setattr(registry, "entries", dict(registry.entries))
     PROVIDERS.add(provider, "paper")
     TASKS.add(PressOk)
     monkeypatch.setattr(PaperDesktop, "settle", Settle(quiet=0, cap=0), raising=False)
-    config = tmp_path / "bench.yaml"
-    config.write_text(
+    path = tmp_path / "bench.yaml"
+    path.write_text(
         "desktop: {provider: paper, size: [320, 240]}\ntasks: [press_ok]\nagents: [oracle]\n"
         "corruptions: [clean]\nseeds: [0, 3]\nmax_steps: 4\n"
     )
+    return path
+
+
+def test_what_a_desktop_cannot_have_is_refused_before_a_live_search(
+    config: Path, tmp_path: Path, monkeypatch: Any, capsys: Any
+) -> None:
+    """It ended the search in the round that first proposed it."""
+    monkeypatch.setattr(PaperDesktop, "capabilities", frozenset({"windows"}))
+    out = tmp_path / "out"
+    words = ["search", config, "--agent", "oracle", "--budget", 99, "--keep", 1, "-o", out]
+    assert hijack(*words, "--corruptions", "marks,missed_input,slow_network") == 2
+    printed = " ".join(capsys.readouterr().err.split())
+    assert "slow_network needs firewall" in printed
+    assert "leave it out of the search: name the others with --corruptions" in printed
+    assert not out.exists()
+
+
+@pytest.mark.usefixtures("no_waiting")
+def test_a_live_search_confirms_on_later_seeds(config: Path, tmp_path: Path) -> None:
     player = players.LivePlayer(load_bench(config), tmp_path / "out", desktops=1)
     lost = {"lost": hj.make_corruption("missed_input", step=0)}
     assert player.losses("round-001", lost, held_out=False) == {"lost": [1.0, 1.0]}
