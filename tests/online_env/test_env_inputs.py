@@ -19,6 +19,7 @@ from hijack_data.errors import ParameterError, PlanningError
 from hijack_data.params import Every
 from hijack_data.plugin import Corruption, Draft
 from hijack_data.types import as_boxes
+from online_env.errors import GuestError
 from pipelines.proof.rebuild import rebuild
 
 from support.episodes import make, play
@@ -161,6 +162,21 @@ def test_a_fault_that_the_x_server_does_not_confirm_makes_the_episode_invalid(na
     play(env, CLICK)
     assert env.record["status"] == "invalid"
     assert problem in env.record["problem"]
+
+
+@pytest.mark.parametrize("operation", ["start", "stop"])
+def test_a_guest_that_dies_under_a_fault_leaves_a_log_that_verifies(operation, tmp_path):
+    class Dying(WatchedDesktop):
+        def tool(self, name, asked, fields, timeout):
+            if asked == operation:
+                raise GuestError("the guest is gone")
+            return super().tool(name, asked, fields, timeout)
+
+    corruption = hj.make_corruption("missed_input", step=1)
+    env, _ = make(FakeStage(Dying()), corruption=corruption, log=tmp_path)
+    play(env, TYPE, CLICK)
+    assert (env.record["status"], len(env.record["inputs"])) == ("error", 1)
+    assert verify_folder(tmp_path) == []
 
 
 def test_events_of_the_x_server_prove_a_repetition():
