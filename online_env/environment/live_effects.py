@@ -8,7 +8,7 @@ from typing import Any
 from hijack_data.plan import Effect
 
 from ..desktops.protocol import Desktop
-from ..effects import Applied, EffectError, find, perform, undo
+from ..effects import Applied, EffectError, Probe, find, perform, undo
 from ..errors import DesktopError, MissingCapabilityError
 from .script import Script
 
@@ -221,6 +221,7 @@ class EpisodeEffects:
             problem = live.probe()
         except DesktopError as error:
             problem = f"{type(error).__name__}: {error}"
+            live.applied.record["probes"].append({**vars(Probe(False, {}, problem)), "seconds": 0})
         if problem:
             self._failed = live.applied.effect, live.step
         return problem
