@@ -243,7 +243,7 @@ def _invalid_partner_note(groups: scores.GroupedRecords) -> Iterator[str]:
     if invalid:
         listed = ", ".join(f"{name} {count}" for name, count in invalid.items())
         yield (
-            f"{quantity(sum(invalid.values()), 'invalid episode')} whose clean one counts: the pair"
+            f"{quantity(sum(invalid.values()), 'invalid result')} whose clean one counts: the pair"
             " is in no delta, retention or test, which may flatter the agent where the corruption"
             f" was the reason ({listed})."
         )

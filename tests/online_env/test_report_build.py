@@ -333,7 +333,7 @@ def test_notes_say_what_numbers_do_not_mean(tmp_path):
     broken = [*scored("a", "clean", [1, 1]), *scored("a", "marks", [1, 0])]
     broken[2] |= INVALID
     assert (
-        "1 invalid episode whose clean one counts: the pair is in no delta, retention or test,"
+        "1 invalid result whose clean one counts: the pair is in no delta, retention or test,"
         " which may flatter the agent where the corruption was the reason (a under marks 1)."
     ) in notes("broken", broken)
     assert "invalid" not in notes("both", [record | INVALID for record in broken])
