@@ -192,7 +192,7 @@ def test_one_corruption_twice_keeps_both_its_parameters():
     assert Plan.from_json(joined.to_json()).parts == joined.parts
     assert "number=3" in python_call(joined, screen, 1, 0)
     lacking = replace(joined, params={"marks-v1": joined.params["marks-v1"]})
-    with pytest.raises(PlanError, match="params.marks-v1#2"):
+    with pytest.raises(PlanError, match=r"params\.marks-v1#2"):
         _ = lacking.parts
 
 
