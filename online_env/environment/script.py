@@ -154,8 +154,8 @@ class Script:
 
         Raises:
             ParameterError: The screen is too small; two effects exclude each other; the duration of
-                one is wrong; or one plan holds the same effect or kind of fault twice, of which the
-                second changes nothing.
+                one is wrong; or one plan holds an effect or a kind of fault twice: only one would
+                act.
         """
         plans = [self.plan(step) for step in range(BEFORE, steps + 1)]
         name = get_label(self.planner)
@@ -177,7 +177,7 @@ class Script:
             if same is not None or same_fault is not None:
                 kind = same_fault if same is None else same["effect"]
                 raise ParameterError(
-                    f"{name} plans {kind!r} twice at one step, and the second would change nothing;"
+                    f"{name} plans {kind!r} twice at one step, of which only one would act;"
                     " give the parts different steps, or leave one out"
                 )
         return plans
