@@ -192,14 +192,20 @@ class Corruption(Planner):
         """Check that a plan keeps to what the class declares, which decides where it may be used.
 
         Raises:
-            PlanningError: the plan has a kind of fault that `inputs` does not name, or depends on
-                elements although `needs_elements` is false.
+            PlanningError: the plan has a kind of fault that `inputs` does not name, has one kind
+                twice, or depends on elements although `needs_elements` is false.
         """
+        kinds = [fault.fault for fault in faults]
         for fault in faults:
             if fault.fault not in self.inputs:
                 raise PlanningError(
                     f"{self.id} plans the fault {fault.fault!r}, and inputs is {self.inputs}: name"
                     " it there"
+                )
+            if kinds.count(fault.fault) > 1:
+                raise PlanningError(
+                    f"{self.id} plans the fault {fault.fault!r} twice at one step, and the last"
+                    " would replace the others: plan one, whose `of` names all inputs it can hit"
                 )
             if fault.needs_elements and not self.needs_elements:
                 raise PlanningError(

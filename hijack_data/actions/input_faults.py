@@ -19,7 +19,7 @@ from ..errors import ParameterError, short_repr, shorten_list
 from ..types import BoxArray, Point, Size
 from .agent_actions import MAX_CODE_CHARS
 from .call_coordinates import read_coordinates
-from .pyautogui_functions import KEYBOARD, LIVE_FUNCTIONS, POINTER
+from .pyautogui_functions import KEY_NAMES, KEYBOARD, LIVE_FUNCTIONS, POINTER
 from .pyautogui_grammar import PyautoguiCall, Value, read_calls
 from .python_source import ParsedSource, TextEdit
 from .scaling import Scaling
@@ -286,9 +286,28 @@ def input_kinds(calls: Sequence[PyautoguiCall]) -> set[InputKind]:
 
 
 def _presses(call: PyautoguiCall) -> bool:
-    """Return whether a call does anything at all: it may type an empty text, or click 0 times."""
+    """Return whether a call does anything at all.
+
+    It may type an empty text, click 0 times, or press a key that there is not: pyautogui goes on.
+    """
     amounts = {"message", "keys", "presses", "clicks"}
-    return all(value not in (0, "", ()) for key, value in _bind(call).items() if key in amounts)
+    arguments = _bind(call)
+    if any(value in (0, "", ()) for key, value in arguments.items() if key in amounts):
+        return False
+    if call.function == "hotkey":
+        keys = [argument.value for argument in call.positional]
+    else:
+        keys = [arguments[name] for name in ("key", "keys") if name in arguments]
+        if isinstance(arguments.get("message"), tuple):  # no text, but a list of keys
+            keys.append(arguments["message"])
+        if not keys:
+            return True
+    return any(_is_key(name) for key in keys for name in (key if isinstance(key, tuple) else [key]))
+
+
+def _is_key(name: object) -> bool:
+    """Return whether pyautogui has a key of a name; what is no text fails in the guest."""
+    return not isinstance(name, str) or len(name) == 1 or name.lower() in KEY_NAMES
 
 
 def _bind(call: PyautoguiCall) -> dict[str, Value]:

@@ -121,5 +121,6 @@ conditions_option = click.option(
     "--corruptions",
     metavar="A,B|all",
     shell_complete=complete("hijack_data.corruption:corruption_names", "all", "clean"),
-    help="Labels of CONFIG, names, or a file that lists some; all is clean and every corruption.",
+    help="Labels of CONFIG, names, or a file; all: clean, the nine, plug-ins; everyday: clean, that"
+    " set.",
 )

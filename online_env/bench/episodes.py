@@ -8,7 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from hijack_data.errors import HijackError
 from hijack_data.planner import Planner
 from hijack_data.registry import is_ours
 from hijack_data.runs.run_log import GIVEN, VERSION, episode_slug
@@ -248,6 +247,7 @@ def play(
     *,
     privileged_inputs: Sequence[str] = (),
     limit: float = math.inf,
+    onlooker: Onlooker | None = None,
 ) -> ResultRecord:
     """Run one episode and return its record.
 
@@ -266,6 +266,7 @@ def play(
             its task and desktop.
         privileged_inputs: What the agent is given besides, of `run_log.GIVEN_KINDS`.
         limit: Seconds that the episode may take.
+        onlooker: What watches the agent; `None` for nothing.
 
     Raises:
         MissingCapabilityError: The desktop lacks a capability that the corruption needs.
@@ -273,7 +274,15 @@ def play(
     inputs = [*privileged_inputs, *(() if is_ours(type(agent)) else ("process",))]
     with AgentThread(lambda: agent) as thread:
         return _play_episode(
-            env, thread, job, attempt, planner, show, limit, privileged_inputs=inputs
+            env,
+            thread,
+            job,
+            attempt,
+            planner,
+            show,
+            limit,
+            privileged_inputs=inputs,
+            onlooker=onlooker,
         )
 
 
@@ -374,7 +383,7 @@ def _take_turn(
         _store_usage(env, agent, guarded)
         _end_as_failure(env, error)
         return obs
-    except HijackError as error:  # agents raise AgentError only
+    except Exception as error:  # noqa: BLE001  (agents raise AgentError only; a guard anything)
         _store_usage(env, agent, guarded)
         _end_as_failure(env, AgentError(f"{type(error).__name__} in its guard: {error}"))
         return obs

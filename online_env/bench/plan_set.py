@@ -124,7 +124,8 @@ def read_plan_set(path: Path) -> PlanSet:
     """Read a file that `PlanSet.write` wrote.
 
     Raises:
-        PlanSetError: It is another file, or was edited; or this version plans otherwise.
+        PlanSetError: It is another file, was edited, or holds no corruption; or this version plans
+            otherwise.
     """
     data = read_versioned_json(
         path,
@@ -143,6 +144,8 @@ def read_plan_set(path: Path) -> PlanSet:
         plans = [_from_data(entry, (height, width)) for entry in body["plans"]]
     except (HijackError, TypeError, ValueError, KeyError, AttributeError) as error:
         raise PlanSetError(f"{path}: {error}") from None
+    if not plans:
+        raise PlanSetError(f"{path} holds no corruption: none cost anything in its search")
     return PlanSet(
         agent=body["agent"],
         search=body["search"],

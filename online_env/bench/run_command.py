@@ -38,7 +38,7 @@ from .episodes import LiveEpisodes
 from .estimates import estimate, history_near
 from .jobs import Job, attempts, jobs
 from .models import ModelOptions, check_agents, model_locations, prepare
-from .plan_set import read_plan_set
+from .plan_set import PlanSet, read_plan_set
 from .playable import check_machines, only_playable
 from .pools import LOCAL, EpisodePool, open_pool
 from .progress import ProgressDisplay
@@ -90,8 +90,9 @@ def run_command(
         SystemExit: With the exit code, once the run is over.
         UsageError: `out` is missing, or an option makes another one idle.
     """
+    plan_set = None if plans is None else read_plan_set(plans)
     benchmark = override(
-        _load(config, plans, agent),
+        _load(config, plans, plan_set, agent),
         agent,
         tasks,
         corruptions,
@@ -108,8 +109,8 @@ def run_command(
         in_process=in_process,
         agent_memory=agent_memory or 0.0,
     )
-    if plans is not None:
-        _check_plans(plans, benchmark)
+    if plan_set is not None:
+        _check_plans(plans, plan_set, benchmark)
     if benchmark.text_boxes:
         extras.require("text_boxes", "ocr", ("rapidocr", "onnxruntime"))
     benchmark = on_machines(benchmark, vm, machines, vm_options, reset_command)
@@ -151,7 +152,9 @@ def run_command(
     raise SystemExit(exit_code(run))
 
 
-def _load(config: str | None, plans: Path | None, agent: str | None) -> Bench:
+def _load(
+    config: str | None, plans: Path | None, plan_set: PlanSet | None, agent: str | None
+) -> Bench:
     """Return the benchmark of a file, with the corruptions of a set of plans if there is one.
 
     Without `--agent`, plans are played by the agent for which they were searched.
@@ -160,11 +163,10 @@ def _load(config: str | None, plans: Path | None, agent: str | None) -> Bench:
         HijackError: One of the files is wrong.
         UsageError: There is no benchmark, or it has another agent than the set of plans.
     """
-    if plans is None:
+    if plan_set is None:
         if config is None:
             raise click.UsageError("Missing argument 'CONFIG'")
         return load_bench(config)
-    plan_set = read_plan_set(plans)
     if config is None and plan_set.bench is None:
         raise click.UsageError(
             f"{plans} was found over the rows of a dataset: name a CONFIG to play it live, or"
@@ -187,16 +189,13 @@ def _load(config: str | None, plans: Path | None, agent: str | None) -> Bench:
     return replace(base, corruptions=plan_set.planners)
 
 
-def _check_plans(plans: Path, benchmark: Bench) -> None:
+def _check_plans(plans: Path | None, plan_set: PlanSet, benchmark: Bench) -> None:
     """Print what is luck when a set of plans is played again.
 
     Raises:
         UsageError: None of its corruptions is played.
     """
-    plan_set = read_plan_set(plans)
     labels = [plan.label for plan in plan_set.plans]
-    if not labels:
-        raise click.UsageError(f"{plans} holds no corruption: none cost anything in its search")
     if not any(label in benchmark.planners for label in labels):
         raise click.UsageError(f"--corruptions names none of {plans} ({', '.join(labels)})")
     notice = plan_set.selection_notice(benchmark.agents)

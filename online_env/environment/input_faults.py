@@ -57,6 +57,14 @@ class InputChannel:
         altered = self._waiting.alter(code, boxes)
         if altered is None:
             return self._run(code), ""
+        entry: dict[str, Any] = {
+            "sent": altered.code,
+            "faults": [fault.to_data() for fault in altered.faults],
+            "probe": vars(Probe(False, {}, "the machine failed before it was proved")),
+        }
+        # Noted first: the machine may fail at any point below.
+        line["input"] = entry
+        self.records.append({"step": line["step"], **entry})
         is_watched = self._watch("start") is not None
         result = self._run(altered.code)
         events = self._watch("stop") if is_watched else None
@@ -68,13 +76,7 @@ class InputChannel:
         elif events is not None:
             times = [fault.times for fault in altered.faults if fault.fault == "repeat"]
             probe = _prove(events, kinds, times, first_press(altered.code, self._size), result)
-        entry = {
-            "sent": altered.code,
-            "faults": [fault.to_data() for fault in altered.faults],
-            "probe": vars(probe),
-        }
-        line["input"] = entry
-        self.records.append({"step": line["step"], **entry})
+        entry["probe"] = self.records[-1]["probe"] = vars(probe)
         names = ", ".join(fault.fault for fault in altered.faults)
         problem = "" if probe.ok else f"{names} at step {line['step']}: {probe.problem}"
         return result, problem

@@ -8,7 +8,7 @@ from typing import Any
 from hijack_data.plan import Effect
 
 from ..desktops.protocol import Desktop
-from ..effects import Applied, EffectError, find, perform, undo
+from ..effects import Applied, EffectError, Probe, find, perform, undo
 from ..errors import DesktopError, MissingCapabilityError
 from .script import Script
 
@@ -221,6 +221,7 @@ class EpisodeEffects:
             problem = live.probe()
         except DesktopError as error:
             problem = f"{type(error).__name__}: {error}"
+            live.applied.record["probes"].append({**vars(Probe(False, {}, problem)), "seconds": 0})
         if problem:
             self._failed = live.applied.effect, live.step
         return problem
@@ -254,12 +255,20 @@ class EpisodeEffects:
 
         Args:
             step: The number of the next observation.
+
+        Raises:
+            EffectError: One cannot be undone, so it would last longer than planned.
         """
         for live in reversed(self._live):
             with _guarded(live.kind):
                 is_over = live.active and live.applied.has_ended(step - max(live.step, 0))
             if is_over:
                 live.undo()
+                if not live.clean:
+                    problem = live.applied.record["undone"][-1]["problem"]
+                    raise EffectError(
+                        f"{live.kind} of step {live.step} is over, and cannot be undone: {problem}"
+                    )
 
     def refresh(self) -> None:
         """Refresh effects that would fade by themselves."""

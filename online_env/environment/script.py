@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from hijack_data.corruption import make_corruption
 from hijack_data.errors import HijackError, ParameterError
-from hijack_data.plan import CLEAN, Plan, Resample
+from hijack_data.plan import CLEAN, Effect, Plan, Resample
 from hijack_data.planner import Planner, as_planner
 from hijack_data.rng import Stream
 from hijack_data.runs.run_planners import get_label
@@ -16,6 +16,7 @@ from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
 from ..effects import find
 from ..effects.base import PASSWORD
+from ..effects.duration import Duration
 from ..effects.guest import Guest
 from ..errors import MissingCapabilityError
 
@@ -152,8 +153,9 @@ class Script:
         """Return the plans before the episode and of steps 0 to `steps`, without elements.
 
         Raises:
-            ParameterError: The screen is too small; two effects exclude each other; or one plan
-                holds the same effect or kind of fault twice, of which the second changes nothing.
+            ParameterError: The screen is too small; two effects exclude each other; the duration of
+                one is wrong; or one plan holds an effect or a kind of fault twice: only one would
+                act.
         """
         plans = [self.plan(step) for step in range(BEFORE, steps + 1)]
         name = get_label(self.planner)
@@ -166,6 +168,8 @@ class Script:
                         f" {reason}; leave one of them out"
                     )
         for plan in plans:
+            for effect in plan.effects:
+                _check_duration(name, effect)
             effects = [effect.to_data() for effect in plan.effects]
             faults = [fault.fault for fault in plan.inputs]
             same = next((each for each in effects if effects.count(each) > 1), None)
@@ -173,7 +177,7 @@ class Script:
             if same is not None or same_fault is not None:
                 kind = same_fault if same is None else same["effect"]
                 raise ParameterError(
-                    f"{name} plans {kind!r} twice at one step, and the second would change nothing;"
+                    f"{name} plans {kind!r} twice at one step, of which only one would act;"
                     " give the parts different steps, or leave one out"
                 )
         return plans
@@ -228,6 +232,18 @@ def check_corruptions(
     """
     for planner in planners:
         Script(planner, 0, "", (), desktop.size).check(steps, desktop, layer=layer)
+
+
+def _check_duration(name: str, effect: Effect) -> None:
+    """Check how long an effect is to last, before any episode begins.
+
+    Raises:
+        ParameterError: Its parameter `lasts` is wrong.
+    """
+    try:
+        Duration.read(effect.params)
+    except ParameterError as error:
+        raise ParameterError(f"{name}: {effect.kind}: {error}") from None
 
 
 def _acts(plan: Plan) -> bool:

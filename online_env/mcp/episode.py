@@ -6,10 +6,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hijack_data.errors import HijackError, ParameterError
+from hijack_data.runs.run_log import episode_slug
 
+from ..agents.guarded import Onlooker
+from ..agents.guards import is_file, make_onlooker
 from ..bench.config import Bench
 from ..bench.episodes import play
 from ..bench.jobs import Job, jobs
+from ..bench.models import ModelOptions, begin, prepare
 from ..bench.playable import only_playable
 from ..bench.providers import EMBEDDED, check_installed
 from ..bench.runner import needs_attempt
@@ -98,6 +102,8 @@ class McpEpisode:
         """
         options = self._options
         config = options.bench.to_data()
+        # The client needs nothing of the run's, its guard may.
+        prepare(replace(options.bench, agents=()), ModelOptions(), options.folder)
         self._lock = records.begin(
             options.folder, config, [self._job.id], goes_on=False, desktops=1
         )
@@ -164,8 +170,22 @@ class McpEpisode:
             settle = getattr(stage.desktop, "settle", Settle())
             settings = replace(bench.settings(job.agent, options.folder), settle=settle)
             env = CorruptedEnv(stage, settings=settings)
-            inputs = ("tree",) if options.with_tree else ()
-            limit = bench.episode_timeout
             return play(
-                env, self.client, job, attempt, planner, privileged_inputs=inputs, limit=limit
+                env,
+                self.client,
+                job,
+                attempt,
+                planner,
+                privileged_inputs=("tree",) if options.with_tree else (),
+                limit=bench.episode_timeout,
+                onlooker=self._make_onlooker(attempt),
             )
+
+    def _make_onlooker(self, attempt: int) -> Onlooker | None:
+        """Return the guard of an attempt; a model's requests are logged."""
+        guard, job = self._options.bench.guard, self._job
+        if not guard:
+            return None
+        episode = episode_slug(*job.key[1:3], job.seed, job.agent, attempt)
+        chat_run = begin(guard, "", episode) if is_file(guard) else None
+        return make_onlooker(guard, job.agent, chat_run)

@@ -17,6 +17,7 @@ from hijack_data.cli.options import BriefCommand, seed_option
 from hijack_data.cli.terminal import echo
 from hijack_data.errors import UnknownNameError
 
+from ..agents.options import guard_option
 from ..choices import LAYERS, DrawingLayer
 from ..serving.client_options import client_options
 
@@ -27,7 +28,8 @@ DEFAULT_SIZES = {"embedded": "1280x720", "browser": "960x720"}
 
 
 @click.command(
-    cls=BriefCommand, more=("host", "layer", "lease", "max_steps", "name", "size", "token_file")
+    cls=BriefCommand,
+    more=("guard", "host", "layer", "lease", "max_steps", "name", "size", "token_file"),
 )
 @click.option(
     "--desktop/--browser",
@@ -85,6 +87,7 @@ DEFAULT_SIZES = {"embedded": "1280x720", "browser": "960x720"}
     show_default=True,
     help="Who draws pop-ups, marks and subtitles: we on the picture, or a browser in its page.",
 )
+@guard_option
 def mcp(
     is_desktop: bool | None,
     task: str | None,
@@ -101,6 +104,7 @@ def mcp(
     size: str | None,
     layer: DrawingLayer,
     lease: float,
+    guard: str | None,
 ) -> None:
     """Let any MCP client play one corrupted, scored episode.
 
@@ -115,6 +119,7 @@ def mcp(
         if port is None and is_set:
             flag = f"--{option.replace('_', '-')}"
             raise click.UsageError(f"{flag} is for HTTP: give --port, too")
+    from ..agents.guards import MODEL, check_guard, find_guard
     from ..bench.config import Bench, override
     from ..record_command import parse_size
     from ..serving.access import read_token
@@ -131,7 +136,14 @@ def mcp(
         seeds=(seed,),
         max_steps=max_steps,
         layer=layer,
+        guard=find_guard(guard) if guard else "",
     )
+    if guard == MODEL:
+        raise click.UsageError(
+            f"--guard {MODEL}: a client is no agent file; name rules, or the agent file of the"
+            " model that is to look on"
+        )
+    check_guard(bench.guard, ())
     try:
         bench = override(bench, task=task or DEFAULT_TASKS[provider], corruption=corruption)
     except UnknownNameError as error:  # it names the options of `hijack bench`

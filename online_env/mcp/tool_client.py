@@ -17,6 +17,7 @@ from hijack_data.errors import HijackError
 from hijack_data.types import Box, Size, UInt8Array
 
 from ..agents.base import Observation
+from ..agents.guarded import Notice, add_notice
 from ..desktops.protocol import Desktop
 from ..errors import DesktopError
 
@@ -32,10 +33,17 @@ class EpisodeOverError(HijackError, RuntimeError):
 
 @dataclass(frozen=True)
 class ClientView:
-    """What the client may see between two actions: the instruction, and uint8 RGB `[H, W, 3]`."""
+    """What the client may see between two actions.
+
+    Args:
+        instruction: The task.
+        picture: The screen, uint8 RGB `[H, W, 3]`.
+        notice: What a guard says; empty if it says nothing.
+    """
 
     instruction: str
     picture: UInt8Array
+    notice: str = ""
 
     @property
     def size(self) -> Size:
@@ -55,12 +63,17 @@ class ToolClient:
         self._one_call = threading.Lock()
         self._turn: ClientView | None = None  # while the runner waits for an action
         self._action: str | None = None
+        self._notice = ""
         self._why_left = ""
         self._is_over = False
         self.has_acted = False
         self.desktop: Desktop | None = None
 
     # The runner's side
+
+    def take_notice(self, notice: Notice) -> None:
+        """Keep what a guard says for the next turn of the client."""
+        self._notice = add_notice("", notice).strip()
 
     def predict(self, instruction: str, obs: Observation) -> tuple[str, Sequence[str]]:
         """Show the picture to the client, and return its next action.
@@ -69,7 +82,7 @@ class ToolClient:
             ConnectionError: The client has left.
         """
         with self._condition:
-            self._turn = ClientView(instruction, obs["screenshot"])
+            self._turn = ClientView(instruction, obs["screenshot"], self._notice)
             self._condition.notify_all()
             self._condition.wait_for(lambda: self._action is not None or self._why_left)
             self._turn = None

@@ -103,7 +103,8 @@ class _Tools:
         """Look at the screen as it was after the last action, and read the task again."""
         turn = self._look()
         height, width = turn.size
-        return [f"Task: {turn.instruction}\nThe picture has {width}x{height} pixels.", _image(turn)]
+        size = f"The picture has {width}x{height} pixels."
+        return [f"Task: {turn.instruction}\n{size}", *_seen(turn)]
 
     def click(
         self,
@@ -183,7 +184,7 @@ class _Tools:
         with self._errors_for_client():
             turn = self._client.act(action)
         if turn is not None:
-            return [_image(turn)]
+            return _seen(turn)
         score = None if self._read_score is None else self._read_score()
         return [OVER if score is None else f"{OVER} Score: {score:g}"]
 
@@ -227,6 +228,11 @@ def _check_key(key: str) -> str:
     if len(name) > 1 and name not in NAMED:
         raise ToolError(f"there is no key {key!r}{suggest(name, NAMED)}")
     return name if len(name) > 1 else key
+
+
+def _seen(turn: ClientView) -> ToolAnswer:
+    """Return what a guard says, if it says anything, and the picture."""
+    return [*([turn.notice] if turn.notice else []), _image(turn)]
 
 
 def _image(turn: ClientView) -> Image:

@@ -6,7 +6,7 @@ from ..results import scores
 from ..results.episode_columns import CellEpisodes, EpisodeColumns
 from ..results.reading import ResultRecord, Run
 from . import usage
-from .identity import agent_names, corruptions_by_label
+from .identity import agent_names, corruptions_by_label, parts_by_label
 from .model import Cell
 from .unplayable import counted_records
 
@@ -15,7 +15,7 @@ CEILING = "recovering"  # the agent that acts like a careful user
 
 def compute_cells(run: Run, groups: scores.GroupedRecords) -> list[Cell]:
     """Return a cell for each agent and condition in the records of a run, or in some of them."""
-    names = corruptions_by_label(run.config) if run.is_live else {}
+    names = parts_by_label(run.config) if run.is_live else {}
     order = agent_names(run.config), list(corruptions_by_label(run.config))
     rows = scores.rows_by_group(groups, *order)
     top = {row["corruption"]: row["success"] for row in rows if row["agent"] == CEILING}

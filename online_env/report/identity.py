@@ -104,7 +104,7 @@ def run_identity(run: Run) -> RunIdentity:
         planned=run.planned,
         missing=run.missing,
         damaged=len(run.damaged),
-        early=scores.count_unreached(final, names) if run.is_live else 0,
+        early=scores.count_unreached(final, parts_by_label(config)) if run.is_live else 0,
         left_out=run.left_out,
     )
 
@@ -126,6 +126,16 @@ def _count_tasks(records: Sequence[ResultRecord]) -> int:
 def corruptions_by_label(config: Mapping[str, Any]) -> dict[str, str]:
     """Return the name of the corruption of each label, in the order of a configuration."""
     return {label: name for label, name, _ in _entries(config.get("corruptions"))}
+
+
+def parts_by_label(config: Mapping[str, Any]) -> dict[str, str]:
+    """Return what `corruptions_by_label` does, but for a sequence its parts, joined by `+`."""
+    parts: dict[str, str] = {}
+    for label, name, settings in _entries(config.get("corruptions")):
+        is_sequence = name == "sequence"
+        names = [part for _, part, _ in _entries(settings.get("parts"))] if is_sequence else [name]
+        parts[label] = "+".join(names)
+    return parts
 
 
 def agent_names(config: Mapping[str, Any]) -> list[str]:

@@ -47,9 +47,10 @@ def recovery_note(run: Run) -> Iterator[str]:
         if isinstance(counts, dict) and counts.get("requests"):
             agent_counts = counts_by_agent.setdefault(record["agent"], Counter())
             agent_counts.update({key: n for key, n in counts.items() if isinstance(n, int)})
+    with_guard = " with its guard" if run.config.get("guard") else ""
     requests = [
-        f"{agent} asked {total['requests']} times to be re-initialised ({total['false_alarms']}"
-        f" false alarms), and {total['repaired']} were repaired"
+        f"{agent}{with_guard} asked {total['requests']} times to be re-initialised"
+        f" ({total['false_alarms']} false alarms), and {total['repaired']} were repaired"
         for agent, total in counts_by_agent.items()
         if total["requests"]
     ]
@@ -155,6 +156,7 @@ def design_notes(run: Run, groups: scores.GroupedRecords) -> Iterator[str]:
         yield UNPAIRED_NOTE
     else:
         yield from _partner_note(groups)
+        yield from _invalid_partner_note(groups)
     if run.config.get("kind") != RESULTS:
         return
     left_out = run.config["left_out_by_common_tasks"]
@@ -225,6 +227,25 @@ def _partner_note(groups: scores.GroupedRecords) -> Iterator[str]:
         yield (
             f"{quantity(sum(unpaired.values()), 'result')} without a clean one of the same task and"
             f" seed: in the success, and in no delta, retention or test ({listed})."
+        )
+
+
+def _invalid_partner_note(groups: scores.GroupedRecords) -> Iterator[str]:
+    """Yield how many clean results have a partner that is invalid, and are in no difference."""
+    invalid: dict[str, int] = {}
+    for (agent, label), cases in groups.last.items():
+        cell, clean = groups.scored[agent, label], groups.scored.get((agent, CLEAN), {})
+        if label == CLEAN or len(cases) == len(cell):
+            continue
+        lost = sum(case in clean and case not in cell for case in cases)
+        if lost:
+            invalid[f"{agent} under {label}"] = lost
+    if invalid:
+        listed = ", ".join(f"{name} {count}" for name, count in invalid.items())
+        yield (
+            f"{quantity(sum(invalid.values()), 'invalid result')} whose clean one counts: the pair"
+            " is in no delta, retention or test, which may flatter the agent where the corruption"
+            f" was the reason ({listed})."
         )
 
 

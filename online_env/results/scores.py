@@ -254,8 +254,9 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
 
     Args:
         records: the last attempts.
-        corruptions: the name of each label; only a corruption with effects on the machine, or one
-            that changes the agent's input, can come too late.
+        corruptions: the name of each label, or the names of several that act together, joined by
+            `+`; only a corruption with effects on the machine, or one that changes the agent's
+            input, can come too late.
     """
     waiting = _acting_labels(tuple(corruptions.items()))
     scored = [
@@ -270,12 +271,12 @@ def count_unreached(records: Iterable[ResultRecord], corruptions: Mapping[str, s
 
 @lru_cache(maxsize=4)
 def _acting_labels(corruptions: tuple[tuple[str, str], ...]) -> frozenset[str]:
-    """Return the labels, of labels and names, whose corruption acts on machine or input."""
+    """Return the labels, of labels and names, all of whose corruptions act on machine or input."""
     from hijack_data.corruption import CORRUPTIONS, find_corruption
 
     types = {name: find_corruption(name) for name in CORRUPTIONS.names()}
     acting = {name for name, kind in types.items() if kind.effects or kind.inputs}
-    return frozenset(label for label, name in corruptions if name in acting)
+    return frozenset(label for label, names in corruptions if acting.issuperset(names.split("+")))
 
 
 def _positions(listed: Sequence[str]) -> dict[str, int]:

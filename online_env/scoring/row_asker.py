@@ -187,7 +187,9 @@ class RowAsker:
         guarded = Guarded(self._agent, onlooker)
         try:
             answer = guarded.predict(instruction, obs)
-        except HijackError as error:
+        except AgentError:
+            raise
+        except Exception as error:
             raise AgentError(f"{type(error).__name__} in its guard: {error}") from error
         self._guard_record = guarded.guard_record
         return answer

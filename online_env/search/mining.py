@@ -7,7 +7,7 @@ ones with the same corruption. The rules of `report.causes` find the causes.
 
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -22,7 +22,8 @@ from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 from hijack_data.runs.run_planners import read_planners
 
-from ..bench.config import KEYS
+from ..bench.config import DESKTOP_KEYS, KEYS
+from ..bench.providers import OSWORLD
 from ..report.app_success import record_app
 from ..report.causes import LostEpisode, find_lost
 from ..report.identity import FIRST_ERROR_ORDER
@@ -131,8 +132,9 @@ def write_groups(folder: Path, out: Path) -> None:
         write_atomic(path, _to_yaml(group, run.config, planners))
         size = f"{len(group.episodes)} ({100 * group.share:.0f} %)"
         echo(f"{size:>10}  {group.description}: {path}")
-    if groups and run.config.get("guard"):
-        echo(f"the run had a guard: hijack bench needs --guard {run.config['guard']} again")
+    options = " ".join(_options(run.config))
+    if groups and options:
+        echo(f"the run had {options}: give hijack bench the same again")
 
 
 def _to_yaml(
@@ -143,7 +145,9 @@ def _to_yaml(
     listed = dump({label: planner for label, planner in corrupting.items() if planner is not None})
     settings = {"environment_errors": FIRST_ERROR_ORDER}
     settings |= {key: config[key] for key in KEYS if key in config}
+    desktop = config.get("desktop", {})  # options of its machines come with --vm alone
     settings |= {
+        "desktop": {key: desktop[key] for key in DESKTOP_KEYS if key in desktop},
         "agents": [group.key[0]],
         "tasks": group.tasks,
         "corruptions": [CLEAN, *yaml.safe_load(listed)["corruptions"]],
@@ -153,6 +157,18 @@ def _to_yaml(
         f"# {group.description}\n# {quantity(len(group.episodes), 'episode')},"
         f" {100 * group.share:.0f} % of those that were disturbed and lost\n"
     )
-    if config.get("guard"):
-        head += f"# with hijack bench --guard {config['guard']}\n"
+    options = " ".join(_options(config))
+    if options:
+        head += f"# with hijack bench {options}\n"
     return head + yaml.safe_dump(settings, sort_keys=False, allow_unicode=True, width=100)
+
+
+def _options(config: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the options of a run that no file of a benchmark holds."""
+    if config.get("guard"):
+        yield f"--guard {config['guard']}"
+    desktop = config.get("desktop", {})
+    if desktop.get("provider") == OSWORLD:
+        yield "--vm ..."
+    for name, value in desktop.get("vm_options", {}).items():
+        yield f"--vm-option {name}={value}"

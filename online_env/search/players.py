@@ -1,10 +1,11 @@
 """Who plays the corruptions that a search proposes: an agent live, or an agent over rows."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from hijack_data.errors import ParameterError
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
 from hijack_data.types import Size
@@ -12,6 +13,9 @@ from hijack_data.types import Size
 from ..bench.config import Bench
 from ..bench.models import ModelOptions
 from ..bench.run_command import play_run
+from ..bench.workers import open_stage
+from ..environment.script import check_corruptions
+from ..errors import MissingCapabilityError
 from ..results import records
 from ..results.scores import ScoreByCase, group_records
 from ..scoring.cases import RowPlans
@@ -78,6 +82,22 @@ class LivePlayer(_Player):
     def size(self) -> Size:
         """Of the desktop."""
         return self._bench.size
+
+    def check(self, planners: Iterable[Planner]) -> None:
+        """Start a desktop, and check that corruptions can be played on it, before any is.
+
+        Raises:
+            MissingCapabilityError: It lacks what one of them needs.
+            ParameterError: One of them cannot work on it.
+        """
+        bench = self._bench
+        with open_stage(bench, None) as stage:
+            for planner in planners:
+                try:
+                    check_corruptions([planner], bench.max_steps, stage.desktop, bench.layer)
+                except (MissingCapabilityError, ParameterError) as error:
+                    advice = "leave it out of the search: name the others with --corruptions"
+                    raise type(error)(f"{error}; {advice}") from None
 
     @property
     def held_out_seeds(self) -> tuple[int, ...]:

@@ -8,7 +8,7 @@ import click
 
 from hijack_data import extras
 from hijack_data.cli.terminal import echo
-from hijack_data.corruption import SETS, Corruption
+from hijack_data.corruption import SETS, Corruption, make_corruption
 from hijack_data.errors import ParameterError, quantity
 from hijack_data.types import Size
 
@@ -94,6 +94,8 @@ def run_search(
     )
     if dry_run:
         return
+    if isinstance(player, LivePlayer):
+        player.check(map(make_corruption, space.names))
     begin(out, {**about, "source": source, "agent": agent, "bench": bench_data}, resume)
     try:
         plans = search(player, settings, out, echo)

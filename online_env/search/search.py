@@ -98,10 +98,11 @@ class SearchSettings:
 class _Trials:
     """The corruptions that were tried, each once, with what their cases lost.
 
-    `fail` is Optuna's state of a trial without a value.
+    `fail` is Optuna's state of a trial without a value, `cases` how many each is played on.
     """
 
     fail: Any
+    cases: int
     planners: dict[str, Planner] = field(default_factory=dict[str, Planner])
     losses: dict[str, list[float]] = field(default_factory=dict[str, list[float]])
 
@@ -118,13 +119,13 @@ class _Trials:
     def value(self, label: str) -> float:
         """Return what the sampler is told of a corruption."""
         loss = self.loss(label)
-        return loss.loss if loss.n else UNPLAYABLE
+        return _loss_over_all(loss, self.cases) if loss.n else UNPLAYABLE
 
     def ranked(self) -> list[str]:
         """Return the labels of those that cost anything, the worst first."""
         tried = [label for label, losses in self.losses.items() if losses]
         costly = [label for label in tried if self.loss(label).loss > 0]
-        return sorted(costly, key=lambda label: -self.loss(label).loss)
+        return sorted(costly, key=lambda label: -_loss_over_all(self.loss(label), self.cases))
 
 
 def search(
@@ -154,7 +155,7 @@ def search(
     if count >= 2 * len(settings.space.names):
         for values in settings.space.defaults():
             study.enqueue_trial(values)
-    trials = _Trials(optuna.trial.TrialState.FAIL)
+    trials = _Trials(optuna.trial.TrialState.FAIL, player.cases)
     rounds = 0
     while len(trials.losses) < count:
         batch = min(settings.batch, count - len(trials.losses))
@@ -227,7 +228,21 @@ def _confirm(player: CorruptionPlayer, trials: _Trials, keep: int) -> list[Worst
         )
         for label, planner in worst.items()
     ]
-    return sorted(plans, key=lambda plan: (-plan.confirmed.loss, -plan.found.loss))
+    return sorted(
+        plans,
+        key=lambda plan: (
+            -_loss_over_all(plan.confirmed, player.held_out),
+            -_loss_over_all(plan.found, player.cases),
+        ),
+    )
+
+
+def _loss_over_all(loss: Loss, cases: int) -> float:
+    """Return a mean loss as if the cases that do not count had lost nothing.
+
+    By this corruptions are compared, so that one lost case of one that counts is not the worst.
+    """
+    return loss.loss * (loss.n / cases)
 
 
 def _mean(losses: Sequence[float]) -> Loss:

@@ -16,7 +16,7 @@ from typing import Any
 import yaml
 
 from hijack_data import params
-from hijack_data.corruption import Corruption, check_names, find_corruption
+from hijack_data.corruption import SETS, Corruption, check_names, corruption_names, find_corruption
 from hijack_data.errors import HijackError, suggest
 from hijack_data.plan import CLEAN
 from hijack_data.planner import Planner
@@ -156,6 +156,11 @@ def _item(text: str, start: int, end: int, after: str) -> _Item:
 
 
 def _planner(entry: _Entry) -> tuple[str, Planner]:
+    if entry.name in SETS:
+        members = corruption_names(entry.name)
+        shown = [name for name in members if not find_corruption(name).effects]
+        advice = f"what the others do is not known of a recording; name {','.join(shown)}"
+        raise _wrong(entry.position, f"{entry.name} is a set of {len(members)}, and {advice}")
     cls = find_corruption(entry.name)
     make: Callable[..., Planner] = cls
     values: dict[str, Any] = {}

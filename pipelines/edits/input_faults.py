@@ -90,7 +90,7 @@ def fault_steps(
 
     Raises:
         NotApplicable: the recording does not prove what a fault leads to.
-        BuildError: a plan draws, or acts on the machine.
+        BuildError: a plan draws, acts on the machine, or has one kind of fault twice.
     """
     faults = _RecordingFaults(sample, planner, seed)
     steps = sample.trajectory.steps
@@ -204,7 +204,7 @@ class _RecordingFaults:
         """Yield the plans with faults, from the step `last` back to before the episode.
 
         Raises:
-            BuildError: a plan draws, or acts on the machine.
+            BuildError: a plan draws, acts on the machine, or has one kind of fault twice.
         """
         sample = self.sample
         for number in range(last, _BEFORE - 1, -1):
@@ -215,6 +215,13 @@ class _RecordingFaults:
                 raise BuildError(
                     f"{plan.corruption} plans faults of the input together with other things; in a"
                     " dataset they stand alone"
+                )
+            kinds = [fault.fault for fault in plan.inputs]
+            twice = next((kind for kind in kinds if kinds.count(kind) > 1), None)
+            if twice is not None:  # an episode refuses it, too
+                raise BuildError(
+                    f"{plan.corruption} plans {twice!r} twice at one step; give the parts different"
+                    " steps, or leave one out"
                 )
             if plan.inputs:
                 yield number, plan

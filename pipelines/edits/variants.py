@@ -99,7 +99,15 @@ class VariantPlanner:
 
         Raises:
             NotApplicable: the event cannot be shown realistically; the message is the reason.
+            BuildError: the plan has one kind of effect twice, whose rows would have the same id.
         """
+        kinds = [effect.kind for effect in first.effects]
+        twice = next((kind for kind in kinds if kinds.count(kind) > 1), None)
+        if twice is not None:  # an episode refuses it, too
+            raise BuildError(
+                f"{first.corruption} plans {twice!r} twice at one step; give the parts different"
+                " steps, or leave one out"
+            )
         edits = [
             (self._apply_edit(sample, first, effect, number), effect) for effect in first.effects
         ]

@@ -40,9 +40,9 @@ class Runs(FolderReader):
     received (`input`: `sent` and `faults`, as the log has them).
 
     Left out, with the reason: episodes that were broken off, are invalid or ended in an error;
-    actions that were refused; whatever comes after an effect, since those screens show what was
-    done to the machine; and whatever comes after a fault of the input, unless the episode was
-    solved: only then what the agent did next was right.
+    actions that were refused, or that a guard took in place of the agent; whatever comes after an
+    effect, since those screens show what was done to the machine; and whatever comes after a fault
+    of the input, unless the episode was solved: only then what the agent did next was right.
 
     Coordinates: pixels of the screen, whose size the clean screenshots have; a point outside is
     rejected.
@@ -85,18 +85,21 @@ class _Episode(EpisodeFolder):
         solved: whether the agent solved the task.
         lost: the first step whose action was changed on its way, if the task was not solved.
         left_out: whether steps came after it.
+        guarded: the steps at which a guard acted.
     """
 
     touched: str = ""
     solved: bool = False
     lost: int | None = None
     left_out: bool = False
+    guarded: frozenset[int] = frozenset()
 
     def read(self) -> Iterator[Trajectory | Rejected]:
         """Yield what is rejected, then the trajectory."""
         try:
             record = self._record()
             self.solved = record.get("score") == 1
+            self.guarded = frozenset(_guarded_steps(record))
             yield from self.take_lines()
             about = _about(record)
         except FieldError as error:
@@ -137,7 +140,7 @@ class _Episode(EpisodeFolder):
         """Add the step of one line, unless an effect or an unsolved fault came before it.
 
         Raises:
-            FieldError: the line is broken, or its action was refused.
+            FieldError: the line is broken, or its action was refused, or is not the agent's.
         """
         events = fields.items(record, "events")
         if events and not self.touched:
@@ -156,6 +159,8 @@ class _Episode(EpisodeFolder):
         if record.get("input") is not None:
             step = altered_step(step, fields.mapping(record["input"], "input"))
             self.lost = None if self.solved else step.index
+        if step.index in self.guarded:
+            raise FieldError("code", "the action is that of a guard, not of the agent")
         self.steps.append(step)
 
     def _step(self, record: JsonObject, code: str) -> RecordedStep:
@@ -175,6 +180,20 @@ class _Episode(EpisodeFolder):
             elements=fields.boxes(record.get("boxes") or [], size, "boxes"),
             dialect=dialect,
         )
+
+
+def _guarded_steps(record: JsonObject) -> Iterator[int]:
+    """Yield the steps at which a guard acted in place of the agent.
+
+    Raises:
+        FieldError: the record is damaged.
+    """
+    if record.get("guard") is None:
+        return
+    guard = fields.mapping(record["guard"], "guard")
+    for entry in fields.mappings(fields.items(guard, "interventions"), "guard.interventions"):
+        first = fields.step_number(entry, "step")
+        yield from range(first, first + len(fields.items(entry, "actions")))
 
 
 def altered_step(step: RecordedStep, entry: JsonObject) -> AlteredStep:

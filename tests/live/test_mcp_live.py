@@ -191,7 +191,9 @@ def test_a_corrupted_browser_task_to_its_score_over_stdio(tmp_path: Path) -> Non
 
 def test_over_http_one_client_with_the_token_plays_and_is_told_its_score(tmp_path: Path) -> None:
     folder = tmp_path / "run"
+    pytest.importorskip("rapidocr", reason=needs.OCR)
     words = ["--browser", "--task", "miniwob/click-test.html", "--corruption", "pop_ups"]
+    words += ["--guard", "rules"]
 
     async def main(url: str) -> str:
         with pytest.raises((MCPError, BaseExceptionGroup)):
@@ -212,6 +214,8 @@ def test_over_http_one_client_with_the_token_plays_and_is_told_its_score(tmp_pat
     record = read_record(folder)
     assert record["given"] == []
     assert record["score"] == 0.0
+    assert record["guard"]["name"] == "rules"
+    assert record["usage"]["guard"]["reading"]["calls"] > 0
     check_run(folder)
 
 

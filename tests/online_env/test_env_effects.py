@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
+from hijack_data.errors import ParameterError
 from hijack_data.plan import Effect, Plan
 from hijack_data.planner import Planner
 from hijack_data.types import Scene
@@ -211,8 +212,19 @@ def test_an_effect_lasts_as_long_as_it_says(monkeypatch) -> None:
     assert noted(stage, "undo") == ["undo a", "undo b"]  # each once
 
 
-def test_a_wrong_duration_ends_the_episode_before_anything_is_changed() -> None:
-    env, stage = make(corruption=Layers({0: (layer("a", lasts={"steps": 0}),)}))
-    env.reset(seed=0)
-    assert 'lasts of an effect is {"steps": 1 to 10000}' in env.record["problem"]
-    assert noted(stage, "apply") == []
+@pytest.mark.parametrize(("action", "status"), [("WAIT", "invalid"), (CLICK, "error")])
+def test_an_effect_that_lasts_longer_than_planned_is_not_scored(action, status) -> None:
+    due = {0: (layer("a", lasts={"steps": 1}, stays=1),)}
+    env, stage = make(corruption=Layers(due))
+    play(env, action, "DONE")
+    assert (env.record["status"], env.record["score"]) == (status, None)
+    assert "test_layer of step 0 is over, and cannot be undone: a stays" in env.record["problem"]
+    assert (stage.desktop.state, noted(stage, "undo")) == (set(), ["undo a", "undo a"])
+
+
+def test_a_wrong_duration_is_refused_before_the_episode() -> None:
+    env, stage = make(corruption=Layers({5: (layer("a", lasts={"step": 3}),)}))
+    words = r'layers: test_layer: lasts of an effect is {"steps": 1 to 10000}'
+    with pytest.raises(ParameterError, match=words):
+        env.reset(seed=0)
+    assert (env.record, noted(stage, "apply")) == (None, [])

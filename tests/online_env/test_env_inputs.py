@@ -3,7 +3,9 @@
 
 import json
 import re
+from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from click.testing import CliRunner
@@ -13,9 +15,11 @@ pytest.importorskip("gymnasium", reason="needs the extra [online]")
 import hijack_data as hj
 from hijack_data.actions.input_faults import InputFault, alter_code
 from hijack_data.cli import hijack
-from hijack_data.errors import ParameterError
+from hijack_data.errors import ParameterError, PlanningError
 from hijack_data.params import Every
+from hijack_data.plugin import Corruption, Draft
 from hijack_data.types import as_boxes
+from online_env.errors import GuestError
 from pipelines.proof.rebuild import rebuild
 
 from support.episodes import make, play
@@ -96,6 +100,25 @@ def test_a_slip_hits_no_action_that_arrives_where_it_aimed(code, dx, arrived):
     assert altered == (arrived and f"pyautogui.{arrived}")
 
 
+@pytest.mark.parametrize(
+    ("code", "is_hit"),
+    [
+        ("press('ctrl+l')", False),  # a model's mistake, at which pyautogui presses nothing
+        ("hotkey('nosuch')", False),
+        ("hotkey()", False),
+        ("write(['nosuch'])", False),
+        ("keyDown('nosuch'); pyautogui.keyUp('nosuch')", False),
+        ("hotkey('nosuch', 'L')", True),
+        ("press(['nosuch', 'Enter'])", True),
+        ("write('nosuch')", True),
+    ],
+)
+def test_a_key_that_there_is_not_uses_no_fault_up(code, is_hit):
+    for fault in (InputFault("drop"), InputFault("repeat")):
+        altered = alter_code(f"pyautogui.{code}", fault, (100, 200), as_boxes([]))
+        assert (altered is not None) == is_hit
+
+
 @pytest.mark.parametrize("name", hj.corruption_names("everyday")[:3])
 def test_verify_computes_what_arrived_again_and_finds_edits(name, tmp_path):
     env, _ = make(corruption=hj.make_corruption(name, step=(0, 2)), log=tmp_path)
@@ -141,6 +164,21 @@ def test_a_fault_that_the_x_server_does_not_confirm_makes_the_episode_invalid(na
     assert problem in env.record["problem"]
 
 
+@pytest.mark.parametrize("operation", ["start", "stop"])
+def test_a_guest_that_dies_under_a_fault_leaves_a_log_that_verifies(operation, tmp_path):
+    class Dying(WatchedDesktop):
+        def tool(self, name, asked, fields, timeout):
+            if asked == operation:
+                raise GuestError("the guest is gone")
+            return super().tool(name, asked, fields, timeout)
+
+    corruption = hj.make_corruption("missed_input", step=1)
+    env, _ = make(FakeStage(Dying()), corruption=corruption, log=tmp_path)
+    play(env, TYPE, CLICK)
+    assert (env.record["status"], len(env.record["inputs"])) == ("error", 1)
+    assert verify_folder(tmp_path) == []
+
+
 def test_events_of_the_x_server_prove_a_repetition():
     stage = FakeStage(WatchedDesktop())
     stage.desktop.got = events("button_down", "button_up") * 2
@@ -180,6 +218,20 @@ def test_parts_that_cannot_act_together_are_refused(parts, words):
     env, _ = make(corruption=hj.Sequence(parts))
     with pytest.raises(ParameterError, match=words):
         env.reset(seed=0)
+
+
+def test_a_plan_of_one_corruption_has_each_kind_of_fault_once():
+    @dataclass(frozen=True)
+    class Lossy(Corruption):
+        name: ClassVar[str] = "lossy"
+        scope: ClassVar[str] = "action"
+        inputs: ClassVar[tuple[str, ...]] = ("drop",)
+
+        def make_plan(self, scene, stream, step):
+            return Draft(inputs=(InputFault("drop", ("click",)), InputFault("drop", ("key",))))
+
+    with pytest.raises(PlanningError, match="lossy-v1 plans the fault 'drop' twice at one step"):
+        Lossy().plan(hj.Scene((9, 9)), seed=0)
 
 
 def test_an_agent_that_may_run_any_code_is_refused():

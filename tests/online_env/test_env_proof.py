@@ -6,6 +6,7 @@ machine's. After it the same effect is tried on a fresh desktop: what holds ther
 the agent, and scores 0.
 """
 
+import json
 from collections import Counter
 
 import pytest
@@ -23,9 +24,10 @@ from online_env.errors import DesktopError
 from online_env.results.records import create as create_run
 from online_env.results.records import read
 from online_env.results.scores import rows
+from pipelines.proof.rebuild import rebuild
 
 from support.episodes import CLICK, make, play
-from support.live import Fence, Mark, Marking
+from support.live import FakeStage, Fence, Mark, Marking
 
 pytestmark = pytest.mark.usefixtures("no_waiting")
 HIDDEN = "on a fresh desktop it holds"
@@ -106,6 +108,33 @@ def test_what_comes_late_once_is_covered_by_applying_the_effect_again(step):
     assert [probe["ok"] for probe in first["probes"]] == [True, False]
     assert first["undone"]
     assert [probe["ok"] for probe in second["probes"]] == [True, True]
+
+
+@pytest.mark.parametrize("answers", [True, False])
+@pytest.mark.parametrize("step", [-1, 0])
+def test_a_run_whose_effect_was_applied_once_more_verifies(step, answers, tmp_path):
+    """`hijack verify` found an effect that was not due."""
+    stage = FakeStage()
+    stage.desktop.effects = {"lock": Mark()}
+    stage.desktop.faulty = True
+    env, _ = make(stage, corruption=hj.Verification(step=step), log=tmp_path)
+
+    def fail_once():
+        if stage.desktop.calls.count("probe") == 2:  # the one after the picture
+            stage.desktop.state.clear()
+            if not answers:
+                raise DesktopError("no answer")
+
+    stage.desktop.on["probe"] = fail_once
+    play(env, "DONE")
+    assert (env.record["status"], len(env.record["effects"])) == ("ok", 2)
+    assert rebuild(tmp_path).problems == []
+    path = next(tmp_path.glob("episodes/*/episode.json"))
+    record = json.loads(path.read_text())
+    record["effects"][0]["record"]["probes"][-1]["ok"] = True
+    path.write_text(json.dumps(record))
+    problems = " ".join(rebuild(tmp_path).problems)
+    assert "effects are not what was due: lock at step" in problems, "nothing was gone"
 
 
 @pytest.mark.parametrize("policy", ["none", "repair"])

@@ -1,6 +1,7 @@
 """Guards: the rules on pictures, a model that looks on, and runs of both with `--guard`."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from PIL import Image
 from hijack_data.cli import main
 from hijack_data.errors import HijackError, ParameterError, UnknownNameError
 from online_env.agents.agent_calls import method_names
+from online_env.agents.agent_thread import AgentThread
 from online_env.agents.chat.onlooker import CHECK
 from online_env.agents.guarded import Guarded, Notice, joint_usage
 from online_env.agents.guards import check_guard, find_guard, make_onlooker
@@ -33,6 +35,7 @@ from online_env.bench.bench_command import bench
 from online_env.bench.providers import PROVIDERS
 from online_env.environment import Settle
 from online_env.errors import DesktopError
+from online_env.mcp.tool_client import ToolClient
 from online_env.report.build import build_report
 from online_env.results import records
 from online_env.scoring.score_command import score
@@ -236,6 +239,28 @@ def test_a_cost_that_one_of_the_two_does_not_know_is_not_known():
     assert joint_usage(None, None) is None
 
 
+def test_a_client_of_mcp_reads_what_its_guard_says():
+    class Tells:
+        name, checks, reinits, settings, usage = "t", False, False, {}, None
+
+        def begin_step(self):
+            pass
+
+        def watch(self, instruction, step, picture):
+            return Notice(kind="k", summary="It clicked.", reminder="Look.")
+
+    client = ToolClient()
+    obs = {"screenshot": np.zeros((9, 9, 3), np.uint8)}
+    with AgentThread(lambda: client) as agent, ThreadPoolExecutor() as pool:
+        guarded = Guarded(agent, Tells())
+        pool.submit(lambda: [guarded.predict("do it", obs) for _ in range(2)])
+        first, second = client.look(), client.act(CLICK)
+        client.leave()
+    assert (first.instruction, first.notice) == ("do it", "")
+    assert second.instruction == "do it"
+    assert second.notice == "Your last step: It clicked.\n\nReminder: Look."
+
+
 # Runs
 
 
@@ -349,6 +374,19 @@ def test_a_guarded_run_whose_desktop_once_failed_at_the_start_verifies(tmp_path,
 
 
 @pytest.mark.usefixtures("paper")
+@pytest.mark.parametrize("error", [ValueError("no text"), HijackError("no text")])
+def test_a_guard_that_fails_ends_its_episode_and_not_the_run(error, tmp_path, monkeypatch):
+    def check(self, picture, instruction):
+        raise error
+
+    monkeypatch.setattr(RulesOnlooker, "check", check)
+    _, value = run(tmp_path, "--guard", "rules", code=1)
+    (record,) = value.records
+    assert (record["status"], record["cause"]) == ("error", "agent")
+    assert f"{type(error).__name__} in its guard: no text" in record["problem"]
+
+
+@pytest.mark.usefixtures("paper")
 def test_guards_that_cannot_be_are_refused_before_the_run(tmp_path):
     with pytest.raises(UnknownNameError, match="not 'rule'; did you mean 'rules'"):
         run(tmp_path, "--guard", "rule")
@@ -384,3 +422,12 @@ def test_scored_rows_are_asked_through_the_guard(tmp_path, monkeypatch):
     assert value.config["guard"] == "rules"
     assert {record["last_action"] for record in value.records} == {"WAIT"}
     assert all(record["guard"]["interventions"] for record in value.records)
+
+    def fail(self, picture, instruction):
+        raise ValueError("no text")
+
+    monkeypatch.setattr(Waits, "check", fail)
+    result = CliRunner().invoke(score, [*words, "--out", str(tmp_path / "failed")])
+    assert result.exit_code == 1, result.output
+    problems = {record["problem"] for record in records.read(tmp_path / "failed").records}
+    assert problems == {"the agent: ValueError in its guard: no text"}

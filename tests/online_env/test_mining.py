@@ -59,7 +59,7 @@ def test_a_run_becomes_benchmarks(tmp_path: Any, capsys: Any) -> None:
     printed = capsys.readouterr().out
     # Whether a picture was changed is in the steps, which are not there.
     assert "2 episodes lost of 2 disturbed; of 2 it is not known, because their" in printed
-    assert "needs --guard rules again" in printed
+    assert "the run had --guard rules: give hijack bench the same again" in printed
     (file,) = (tmp_path / "lost").iterdir()
     text = file.read_text()
     assert text.startswith("# verification, ")
@@ -71,6 +71,22 @@ def test_a_run_becomes_benchmarks(tmp_path: Any, capsys: Any) -> None:
     assert set(bench.tasks) == {"write_note", "rename_file"}
     assert bench.planners == {"clean": None, "locked": hj.Verification()}
     assert main_exit(["mine", str(run), "-o", str(tmp_path / "lost")]) == 2
+
+
+def test_options_of_machines_are_named_and_not_in_the_file(tmp_path: Any, capsys: Any) -> None:
+    labels = (("clean", 1.0), ("locked", 0.0))
+    records = [
+        made("oracle", "write_note", label, score, effects=LOCK["effects"])
+        for label, score in labels
+    ]
+    desktop = {"provider": "osworld", "size": [1920, 1080], "vm_options": {"region": "x"}}
+    corruptions = ["clean", {"verification": {"as": "locked"}}]
+    run = run_of(tmp_path / "run", records, corruptions=corruptions, desktop=desktop)
+    assert main_exit(["mine", str(run), "-o", str(tmp_path / "lost")]) == 0
+    assert "the run had --vm ... --vm-option region=x: give" in capsys.readouterr().out
+    (file,) = (tmp_path / "lost").iterdir()
+    assert "# with hijack bench --vm ... --vm-option region=x\n" in file.read_text()
+    assert load_bench(file).provider == "osworld"
 
 
 def test_a_run_without_a_configuration_is_refused(tmp_path: Any, capsys: Any) -> None:

@@ -330,8 +330,22 @@ def test_notes_say_what_numbers_do_not_mean(tmp_path):
         "1 result without a clean one of the same task and seed: in the success, and in no delta,"
         " retention or test (a under marks 1)."
     ) in notes("lost", lost)
+    broken = [*scored("a", "clean", [1, 1]), *scored("a", "marks", [1, 0])]
+    broken[2] |= INVALID
+    assert (
+        "1 invalid result whose clean one counts: the pair is in no delta, retention or test,"
+        " which may flatter the agent where the corruption was the reason (a under marks 1)."
+    ) in notes("broken", broken)
+    assert "invalid" not in notes("both", [record | INVALID for record in broken])
     whole = notes("whole", [*scored("a", "clean", [1, 0]), *scored("a", "marks", [1, 0])])
-    for words in ("between 0 and 1", "as many scores", "No clean episode", "without a clean one"):
+    words_of_notes = (
+        "between 0 and 1",
+        "as many scores",
+        "No clean episode",
+        "a clean one",
+        "pair",
+    )
+    for words in words_of_notes:
         assert words not in whole
 
 

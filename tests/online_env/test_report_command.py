@@ -272,6 +272,12 @@ def test_a_note_counts_episodes_that_ended_before_their_corruption_was_due(tmp_p
         " (a under small 2 of 4)."
     )
     assert output in report_notes(tmp_path / "early", early, corruptions=entries)
+    parts = ["missed_input", {"app_freeze": {"step": 9}}]
+    pairs = [
+        {"sequence": {"as": "small", "parts": parts}},
+        {"sequence": {"as": "marks", "parts": [*parts, "marks"]}},
+    ]
+    assert output in report_notes(tmp_path / "pairs", early, corruptions=["clean", *pairs])
     alike = [*early[1:2], *early[3:]]
     notes = report_notes(tmp_path / "alike", alike, corruptions=entries)
     assert not any("before their corruption" in note for note in notes)

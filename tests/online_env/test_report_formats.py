@@ -156,6 +156,9 @@ def test_every_form_says_who_asked_for_recovery(tmp_path, capsys):
         words = () if form == "terminal" else ("--format", form)
         _, out, _ = hijack(capsys, "report", folder, *words)
         assert output in " ".join(out.split()), form
+    guarded = run_of(tmp_path / "guarded", records, recovery="repair", guard="rules")
+    _, out, _ = hijack(capsys, "report", guarded)
+    assert "mine with its guard asked 4 times" in " ".join(out.split()), "either may have asked"
     _, out, _ = hijack(capsys, "report", folder, "--format", "latex")
     assert "Recovery policy: repair." in out
 

@@ -19,6 +19,7 @@ from ext_package.paper import PaperDesktop, PressOk, provider
 import hijack_data as hj
 from hijack_data.cli import main
 from hijack_data.errors import ParameterError
+from online_env.bench import run_command
 from online_env.bench.config import Bench, load_bench, override
 from online_env.bench.plan_set import Loss, PlanSet, PlanSetError, WorstPlan, read_plan_set
 from online_env.bench.providers import PROVIDERS
@@ -104,6 +105,26 @@ def test_a_maximum_that_is_luck_shrinks(tmp_path: Path) -> None:
     kinds = {"+".join(sorted(row["label"].partition("_")[2].split("+"))) for row in trials}
     assert any("+" in kind for kind in kinds)
     assert "network_error+slow_network" not in kinds, "they exclude each other"
+
+
+def test_one_case_that_counts_does_not_make_the_worst(tmp_path: Path) -> None:
+    class Hiding(FakePlayer):
+        """All cases but one of `marks` do not count."""
+
+        def losses(self, name: str, planners: Any, *, held_out: bool) -> dict[str, list[float]]:
+            every = super().losses(name, planners, held_out=held_out)
+            return {
+                label: losses[:1] if planners[label].label == "marks" else losses
+                for label, losses in every.items()
+            }
+
+    def loss(planner: hj.Planner, case: int) -> float:
+        return {"marks": 1.0, "subtitle": float(case % 4 < 3)}.get(planner.label, 0.0)
+
+    plans, _ = run(Hiding(loss), tmp_path / "a", names=("marks", "subtitle", "pop_ups"), keep=15)
+    labels = [plan.planner.label for plan in plans]
+    assert labels == sorted(labels, reverse=True)
+    assert (plans[0].confirmed, plans[-1].confirmed) == (Loss(0.75, 4), Loss(1.0, 1))
 
 
 def test_a_budget_that_pays_for_nothing_is_refused(tmp_path: Path) -> None:
@@ -197,18 +218,38 @@ def test_halves_of_the_rows_are_apart_and_hidden_targets_count_for_nothing(
     assert {label: len(values) for label, values in losses.items()} == {"h": 0, "m": player.cases}
 
 
-@pytest.mark.usefixtures("no_waiting")
-def test_a_live_search_confirms_on_later_seeds(tmp_path: Path, monkeypatch: Any) -> None:
+@pytest.fixture
+def config(tmp_path: Path, monkeypatch: Any) -> Path:
+    """A benchmark on a desktop of paper."""
     for registry in (PROVIDERS, TASKS):
         monkeypatch.setattr(registry, "entries", dict(registry.entries))
     PROVIDERS.add(provider, "paper")
     TASKS.add(PressOk)
     monkeypatch.setattr(PaperDesktop, "settle", Settle(quiet=0, cap=0), raising=False)
-    config = tmp_path / "bench.yaml"
-    config.write_text(
+    path = tmp_path / "bench.yaml"
+    path.write_text(
         "desktop: {provider: paper, size: [320, 240]}\ntasks: [press_ok]\nagents: [oracle]\n"
         "corruptions: [clean]\nseeds: [0, 3]\nmax_steps: 4\n"
     )
+    return path
+
+
+def test_what_a_desktop_cannot_have_is_refused_before_a_live_search(
+    config: Path, tmp_path: Path, monkeypatch: Any, capsys: Any
+) -> None:
+    """It ended the search in the round that first proposed it."""
+    monkeypatch.setattr(PaperDesktop, "capabilities", frozenset({"windows"}))
+    out = tmp_path / "out"
+    words = ["search", config, "--agent", "oracle", "--budget", 99, "--keep", 1, "-o", out]
+    assert hijack(*words, "--corruptions", "marks,missed_input,slow_network") == 2
+    printed = " ".join(capsys.readouterr().err.split())
+    assert "slow_network needs firewall" in printed
+    assert "leave it out of the search: name the others with --corruptions" in printed
+    assert not out.exists()
+
+
+@pytest.mark.usefixtures("no_waiting")
+def test_a_live_search_confirms_on_later_seeds(config: Path, tmp_path: Path) -> None:
     player = players.LivePlayer(load_bench(config), tmp_path / "out", desktops=1)
     lost = {"lost": hj.make_corruption("missed_input", step=0)}
     assert player.losses("round-001", lost, held_out=False) == {"lost": [1.0, 1.0]}
@@ -250,7 +291,9 @@ def test_effects_are_no_pictures(dataset: Path) -> None:
         PlannedRows(dataset, {"verification": hj.Verification()}, seed=0)
 
 
-def test_a_set_of_plans_is_a_closed_world(tmp_path: Path, capsys: Any) -> None:
+def test_a_set_of_plans_is_a_closed_world(
+    dataset: Path, tmp_path: Path, capsys: Any, monkeypatch: Any
+) -> None:
     pair = hj.Sequence([hj.PopUps(width=400), hj.make_corruption("slow_network")])
     plan = WorstPlan(label="t1_pair", planner=pair, found=Loss(1, 2), confirmed=Loss(0.5, 2))
     bench = {"tasks": ["write_note"], "seeds": [0, 1], "max_steps": 7}
@@ -259,7 +302,10 @@ def test_a_set_of_plans_is_a_closed_world(tmp_path: Path, capsys: Any) -> None:
     PlanSet(agent="oracle", search={}, bench=bench, size=size, plans=[plan]).write(path)
     assert read_plan_set(path).plans[0].planner.to_config() == pair.to_config()
     assert plan.shrinkage == 0.5
+    reads: list[Path] = []
+    monkeypatch.setattr(run_command, "read_plan_set", lambda p: reads.append(p) or read_plan_set(p))
     assert hijack("bench", "--plans", path, "--dry-run", "--agent", "do_nothing") == 0
+    assert reads == [path], "what is checked is what is played"
     printed = capsys.readouterr()
     assert printed.out.count("do_nothing  write_note") == 4, "2 seeds, clean and pair"
     assert "partly luck" not in printed.err, "the pair was chosen for another agent"
@@ -276,6 +322,10 @@ def test_a_set_of_plans_is_a_closed_world(tmp_path: Path, capsys: Any) -> None:
         assert hijack("bench", *config, "--plans", path, "--dry-run") == code
         outcome = capsys.readouterr()
         assert text in " ".join((outcome.out + outcome.err).split("\n"))
+    PlanSet(agent="oracle", search={}, bench=bench, size=size, plans=[]).write(path)
+    for command in (("bench",), ("score", dataset, "--agent", "do_nothing")):
+        assert hijack(*command, "--plans", path, "--dry-run") == 2
+        assert "holds no corruption: none cost anything" in capsys.readouterr().err
     data = json.loads(path.read_text())
     path.write_text(json.dumps({**data, "agent": "mine"}))
     with pytest.raises(PlanSetError, match="was edited"):

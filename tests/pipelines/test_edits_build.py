@@ -13,6 +13,7 @@ from PIL import Image
 import hijack_data as hj
 from hijack_data.pack import AssetPack
 from pipelines import build, open_dataset
+from pipelines.errors import BuildError
 
 from support.events import COMBINED, FIVE, with_apps
 
@@ -206,6 +207,15 @@ def test_effects_together_with_pictures(browsing: Path, assets: Path, tmp_path: 
         np.asarray(locked[0]["screenshot"]),
         hj.apply(words, AssetPack.load(assets).get("lock-small").pixels()),
     )
+
+
+def test_the_same_effect_twice_at_one_step_is_refused(
+    browsing: Path, assets: Path, tmp_path: Path
+) -> None:
+    """Its two inserted rows had one id, so that `hijack verify` refused the dataset."""
+    twice = {"twice": hj.Sequence([hj.AppMinimization(step=1)] * 2)}
+    with pytest.raises(BuildError, match=r"twice: .* plans 'minimise' twice at one step"):
+        build(browsing, tmp_path / "out", corruptions=twice, assets=assets)
 
 
 def test_what_is_done_follows_the_resolution(browsing: Path, assets: Path, tmp_path: Path) -> None:

@@ -58,6 +58,7 @@ def test_the_clean_rows_are_named() -> None:
         ("marks:number=[1", 16, "']' is missing"),
         ('subtitle:subtitle_text="a', 26, "is missing"),
         ("clean:number=3", 1, "takes no settings"),
+        ("marks,everyday", 7, "name missed_input,repeated_input,slipped_pointer"),
     ],
 )
 def test_mistakes_say_where_they_are(text: str, place: int, reason: str) -> None:

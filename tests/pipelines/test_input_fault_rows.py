@@ -254,6 +254,9 @@ def test_actions_that_cannot_be_done_again_and_mixed_labels_are_refused(recordin
     mixed = hj.Sequence([hj.make_corruption("missed_input"), hj.Marks()])
     with pytest.raises(HijackError, match="joins missed_input with other corruptions"):
         build(source, tmp_path / "mixed", corruptions={"both": mixed})
+    twice = hj.Sequence([hj.make_corruption("missed_input", step=0)] * 2)
+    with pytest.raises(HijackError, match=r"twice: .* plans 'drop' twice at one step"):
+        build(source, tmp_path / "twice", corruptions={"twice": twice})
 
 
 def test_lost_actions_of_real_recordings(shared_data, tmp_path):

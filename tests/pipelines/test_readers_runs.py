@@ -127,6 +127,19 @@ def test_what_is_no_sample_is_left_out_with_the_reason(tmp_path):
     assert len(rejected) == 4
 
 
+def test_what_a_guard_did_is_no_action_of_the_agent(tmp_path):
+    record = play_episode(tmp_path, None, ("WAIT", "pyautogui.click(5, 5)", "WAIT", "DONE"))
+    interventions = [
+        {"step": 0, "kind": "k", "actions": []},  # a reminder
+        {"step": 1, "kind": "k", "actions": ["pyautogui.click(5, 5)", "WAIT"]},
+    ]
+    path = tmp_path / "episodes" / record["id"] / "episode.json"
+    path.write_text(json.dumps({**record, "guard": {"interventions": interventions}}))
+    (trajectory,), rejected = read(tmp_path)
+    assert [step.index for step in trajectory] == [0, 3]
+    assert ["that of a guard, not of the agent" in reason for reason in rejected] == [True] * 2
+
+
 def test_screens_after_an_effect_are_not_clean(tmp_path):
     play_episode(tmp_path, Marking(1), ("WAIT", "WAIT", "DONE"))
     (trajectory,), (reason,) = read(tmp_path)

@@ -1,7 +1,7 @@
 """Check one episode: its record against its lines, and its effects against its plans."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
@@ -263,18 +263,43 @@ def _effect_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
     entries = _objects(replay.record.get("effects"))
     due_effects = _due_effects(replay, key)
     expected = [(step, effect.kind) for step, effect in due_effects]
-    if [(event.get("step"), event.get("effect")) for event in events] != expected:
+    repeats = _repeats(entries)
+    logged = [(event.get("step"), event.get("effect")) for event in events]
+    if [effect for number, effect in enumerate(logged) if number not in repeats] != expected:
         yield f"events of {STEPS} are not what was due: {_list_effects(expected)}"
-    if [(entry.get("step"), _record(entry).get("effect")) for entry in entries] != expected:
+    first_entries = [entry for number, entry in enumerate(entries) if number not in repeats]
+    if [(entry.get("step"), _record(entry).get("effect")) for entry in first_entries] != expected:
         yield f"effects are not what was due: {_list_effects(expected)}"
         return
-    for (step, effect), entry in zip(due_effects, entries, strict=True):
+    for (step, effect), entry in zip(due_effects, first_entries, strict=True):
         if _record(entry).get("params") != dict(effect.params):
             yield f"{effect.kind} at step {step} has other params than its plan"
+    for entry in entries:
         for text in field_checks.unknown_fields(entry, field_checks.EFFECT):
             yield f"effects: {text}"
     for event, entry in zip(events, entries, strict=False):
         yield from _probe_problems(event, entry)
+
+
+def _repeats(entries: Sequence[Mapping[str, Any]]) -> set[int]:
+    """Return the numbers of the effects that were applied once more.
+
+    The same effect of the same step stands before each, was gone before the agent saw it, as its
+    last probe says, and was undone.
+    """
+    repeats: set[int] = set()
+    gone: list[tuple[Any, Any, Any]] = []
+    for number, entry in enumerate(entries):
+        record = _record(entry)
+        effect = (entry.get("step"), record.get("effect"), record.get("params"))
+        if effect in gone:
+            gone.remove(effect)
+            repeats.add(number)
+            continue
+        probes = _objects(record.get("probes"))
+        if probes and probes[-1].get("ok") is not True and _objects(record.get("undone")):
+            gone.append(effect)
+    return repeats
 
 
 def _probe_problems(event: Mapping[str, Any], entry: Mapping[str, Any]) -> Iterator[str]:
