@@ -93,7 +93,9 @@ Op: TypeAlias = Paste | Resample
 class Effect:
     """Something to do to the machine, carried out by `online_env`.
 
-    `kind` is the name of the effect; `params` is JSON data, which is copied and made immutable.
+    `kind` is the name of the effect; `params` is JSON data, which is copied and made immutable. Two
+    parameters mean the same for all kinds: `begins` (`{"seconds": s}` after the observation of its
+    step) and `lasts` (`{"seconds": s}` or `{"steps": n}`).
 
     Raises:
         PlanError: a field has another type.
@@ -109,6 +111,11 @@ class Effect:
     def to_data(self) -> dict[str, Any]:
         """JSON data of the effect."""
         return {"effect": self.kind, "params": thaw(self.params)}
+
+    @property
+    def is_delayed(self) -> bool:
+        """Whether the effect begins some seconds after the observation of its step."""
+        return "begins" in self.params
 
 
 @dataclass(frozen=True)

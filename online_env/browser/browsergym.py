@@ -225,7 +225,9 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         Raises:
             EffectError: One has no meaning here, or does not hold.
         """
-        if not plan.effects or self._effects is None or self._script is None:
+        if self._effects is None or self._script is None:
+            return False
+        if not plan.effects and not self._effects.has_due():
             return False
         kinds = {effect.kind for effect in plan.effects}
         if "lock" in kinds and not self._pages_survive():
@@ -264,7 +266,7 @@ class CorruptedBrowserGym(gymnasium.Wrapper[Any, Any, Any, Any]):
         script = self._script
         if script is None or self._effects is None:
             return observation
-        if is_old:
+        if self._effects.end_due(self._step) or is_old:
             observation = self._look()
         self._effects.refresh()
         if self._inject(script.plan(self._step, _element_boxes(observation)), self._step):

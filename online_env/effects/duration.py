@@ -1,4 +1,4 @@
-"""How long an effect lasts that ends by itself: the parameter `lasts` of an effect of a plan."""
+"""When an effect begins, and how long it lasts: its parameters `begins` and `lasts` in a plan."""
 
 import math
 from collections.abc import Mapping
@@ -7,7 +7,8 @@ from typing import Any, cast
 
 from hijack_data.errors import ParameterError
 
-LASTS = "lasts"  # the parameter: {"steps": 3} or {"seconds": 20}
+BEGINS = "begins"  # a parameter: {"seconds": 20}
+LASTS = "lasts"  # a parameter: {"steps": 3} or {"seconds": 20}
 MAX_STEPS = 10_000
 MAX_SECONDS = 3600.0
 
@@ -40,9 +41,8 @@ class Duration:
             case {"steps": int() as steps, **others} if not others and steps is not True:
                 if 1 <= steps <= MAX_STEPS:
                     return cls(steps=steps)
-            case {"seconds": int() | float() as seconds, **others} if not others:
-                if math.isfinite(seconds) and 0 < seconds <= MAX_SECONDS and seconds is not True:
-                    return cls(seconds=float(seconds))
+            case {"seconds": seconds, **others} if not others and _are_seconds(seconds):
+                return cls(seconds=float(seconds))
             case _:
                 pass
         raise ParameterError(
@@ -55,3 +55,26 @@ class Duration:
         if self.steps is not None:
             return steps >= self.steps
         return self.seconds is not None and seconds >= self.seconds
+
+
+def read_delay(params: Mapping[str, Any]) -> float:
+    """Return how many seconds after the observation of its step an effect begins; 0 for at once.
+
+    Raises:
+        ParameterError: `begins` is not `{"seconds": s}`, or out of range.
+    """
+    if BEGINS not in params:
+        return 0.0
+    match params[BEGINS]:
+        case {"seconds": seconds, **others} if not others and _are_seconds(seconds):
+            return float(seconds)
+        case value:
+            raise ParameterError(
+                f'{BEGINS} of an effect is {{"seconds": more than 0, up to {MAX_SECONDS:g}}}, got'
+                f" {value!r:.80}"
+            )
+
+
+def _are_seconds(value: Any) -> bool:
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and math.isfinite(value) and 0 < value <= MAX_SECONDS

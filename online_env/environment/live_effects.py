@@ -1,6 +1,7 @@
 """Apply, verify, maintain and undo live effects during an episode, and record each of these."""
 
 import contextlib
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from hijack_data.plan import Effect
 
 from ..desktops.protocol import Desktop
 from ..effects import Applied, EffectError, Probe, find, perform, undo
+from ..effects.duration import read_delay
 from ..errors import DesktopError, MissingCapabilityError
 from .script import Script
 
@@ -82,6 +84,7 @@ class EpisodeEffects:
         self._broken: list[str] = []  # kinds of effects that failed while they were applied
         self._events: list[dict[str, Any]] = []
         self._failed: tuple[Effect, int] | None = None
+        self._delayed: list[tuple[float, Effect]] = []  # each with the time at which it begins
 
     @property
     def active(self) -> bool:
@@ -106,13 +109,27 @@ class EpisodeEffects:
     def inject(self, effects: Sequence[Effect], script: Script, step: int) -> str:
         """Apply and probe each effect, up to the first that fails.
 
+        Those that begin at a second wait until then, and are applied by a later call.
+
+        Args:
+            effects: Those of the plan of this step.
+            script: The plans of the episode.
+            step: The number of the next observation.
+
         Returns:
             Why that one failed, or "".
 
         Raises:
             MissingCapabilityError: A tool is missing in the guest; then nothing was changed.
         """
+        due = self._take_due()
         for effect in effects:
+            delay = read_delay(effect.params)
+            if delay:
+                self._delayed.append((time.monotonic() + delay, effect))
+            else:
+                due.append(effect)
+        for effect in due:
             try:
                 problem = self._prove(effect, script, step)
             except MissingCapabilityError:
@@ -125,6 +142,16 @@ class EpisodeEffects:
                 return f"{effect.kind} at step {step}: {problem}"
         self._skip_covered()
         return ""
+
+    def has_due(self) -> bool:
+        """Return whether an effect that waited for its second is to be applied now."""
+        return any(begin <= time.monotonic() for begin, _ in self._delayed)
+
+    def _take_due(self) -> list[Effect]:
+        now = time.monotonic()
+        due = [effect for begin, effect in self._delayed if begin <= now]
+        self._delayed = [(begin, effect) for begin, effect in self._delayed if begin > now]
+        return due
 
     def _prove(self, effect: Effect, script: Script, step: int) -> str:
         self._broken.append(effect.kind)
@@ -250,8 +277,8 @@ class EpisodeEffects:
             return False
         return probe
 
-    def end_due(self, step: int) -> None:
-        """Undo the effects that are over, the latest first.
+    def end_due(self, step: int) -> bool:
+        """Undo the effects that are over, the latest first; return whether there were any.
 
         Args:
             step: The number of the next observation.
@@ -259,16 +286,19 @@ class EpisodeEffects:
         Raises:
             EffectError: One cannot be undone, so it would last longer than planned.
         """
+        any_over = False
         for live in reversed(self._live):
             with _guarded(live.kind):
                 is_over = live.active and live.applied.has_ended(step - max(live.step, 0))
             if is_over:
+                any_over = True
                 live.undo()
                 if not live.clean:
                     problem = live.applied.record["undone"][-1]["problem"]
                     raise EffectError(
                         f"{live.kind} of step {live.step} is over, and cannot be undone: {problem}"
                     )
+        return any_over
 
     def refresh(self) -> None:
         """Refresh effects that would fade by themselves."""

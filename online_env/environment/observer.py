@@ -84,7 +84,7 @@ class Observer:
         start = time.monotonic()
         plan = self.script.plan(step, boxes)
         effect_boxes: BoxArray | None = None  # on which effects were planned, before they acted
-        if inject and plan.effects:
+        if inject and (plan.effects or self._effects.has_due()):
             effect_boxes = boxes
             problem = self._inject(plan.effects, step)
             seconds["effects"] = since(start)

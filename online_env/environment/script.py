@@ -16,7 +16,7 @@ from ..desktops.capability_survey import lacks
 from ..desktops.protocol import Capability, Desktop
 from ..effects import find
 from ..effects.base import PASSWORD
-from ..effects.duration import Duration
+from ..effects.duration import Duration, read_delay
 from ..effects.guest import Guest
 from ..errors import MissingCapabilityError
 
@@ -153,9 +153,9 @@ class Script:
         """Return the plans before the episode and of steps 0 to `steps`, without elements.
 
         Raises:
-            ParameterError: The screen is too small; two effects exclude each other; the duration of
-                one is wrong; or one plan holds an effect or a kind of fault twice: only one would
-                act.
+            ParameterError: The screen is too small; two effects exclude each other; when one
+                begins or ends is wrong; or one plan holds an effect or a kind of fault twice: only
+                one would act.
         """
         plans = [self.plan(step) for step in range(BEFORE, steps + 1)]
         name = get_label(self.planner)
@@ -167,9 +167,9 @@ class Script:
                         f"{name} has the effects {kind!r} and {other!r}, which cannot be combined:"
                         f" {reason}; leave one of them out"
                     )
-        for plan in plans:
+        for step, plan in enumerate(plans, BEFORE):
             for effect in plan.effects:
-                _check_duration(name, effect)
+                _check_times(name, effect, step)
             effects = [effect.to_data() for effect in plan.effects]
             faults = [fault.fault for fault in plan.inputs]
             same = next((each for each in effects if effects.count(each) > 1), None)
@@ -234,14 +234,16 @@ def check_corruptions(
         Script(planner, 0, "", (), desktop.size).check(steps, desktop, layer=layer)
 
 
-def _check_duration(name: str, effect: Effect) -> None:
-    """Check how long an effect is to last, before any episode begins.
+def _check_times(name: str, effect: Effect, step: int) -> None:
+    """Check when an effect is to begin and to end, before any episode begins.
 
     Raises:
-        ParameterError: Its parameter `lasts` is wrong.
+        ParameterError: Its parameter `begins` or `lasts` is wrong.
     """
     try:
         Duration.read(effect.params)
+        if read_delay(effect.params) and step == BEFORE:
+            raise ParameterError("what begins at a second is planned at step 0 or later")
     except ParameterError as error:
         raise ParameterError(f"{name}: {effect.kind}: {error}") from None
 

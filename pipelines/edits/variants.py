@@ -99,8 +99,15 @@ class VariantPlanner:
 
         Raises:
             NotApplicable: the event cannot be shown realistically; the message is the reason.
-            BuildError: the plan has one kind of effect twice, whose rows would have the same id.
+            BuildError: the plan has one kind of effect twice, whose rows would have the same id, or
+                one that begins at a second, which no recording has.
         """
+        delayed = next((effect.kind for effect in first.effects if effect.is_delayed), None)
+        if delayed is not None:
+            raise BuildError(
+                f"{first.corruption}: {delayed} begins at a second (begins), and a recording has"
+                " steps alone: leave it out, and give the corruption a step"
+            )
         kinds = [effect.kind for effect in first.effects]
         twice = next((kind for kind in kinds if kinds.count(kind) > 1), None)
         if twice is not None:  # an episode refuses it, too

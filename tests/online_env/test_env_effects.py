@@ -1,18 +1,23 @@
 """Several effects in one episode, on a desktop that is none: their order, and what is undone when."""
 
+import json
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, ClassVar
 
 import pytest
 
 pytest.importorskip("gymnasium", reason="needs the extra [online]")
 
+from hijack_data import plugin
+from hijack_data.corruption import CORRUPTIONS
 from hijack_data.errors import ParameterError
 from hijack_data.plan import Effect, Plan
 from hijack_data.planner import Planner
 from hijack_data.types import Scene
 from online_env.effects import LiveEffect, Probe, Undone, register
 from online_env.errors import DesktopError
+from pipelines.proof.rebuild import rebuild
 
 from support.episodes import CLICK, make, play
 
@@ -222,9 +227,58 @@ def test_an_effect_that_lasts_longer_than_planned_is_not_scored(action, status) 
     assert (stage.desktop.state, noted(stage, "undo")) == (set(), ["undo a", "undo a"])
 
 
-def test_a_wrong_duration_is_refused_before_the_episode() -> None:
-    env, stage = make(corruption=Layers({5: (layer("a", lasts={"step": 3}),)}))
-    words = r'layers: test_layer: lasts of an effect is {"steps": 1 to 10000}'
-    with pytest.raises(ParameterError, match=words):
+def test_an_effect_begins_at_its_second_and_the_log_shows_when(monkeypatch, tmp_path) -> None:
+    clock = SimpleNamespace(monotonic=lambda: clock.now, now=0.0)
+    monkeypatch.setattr("online_env.environment.live_effects.time", clock)
+    monkeypatch.setattr(CORRUPTIONS, "entries", dict(CORRUPTIONS.entries))
+
+    @plugin.register
+    @dataclass(frozen=True)
+    class LateLayer(plugin.Corruption):
+        """A layer at step 2, and one that comes after 20 s and is gone after an observation."""
+
+        name: ClassVar[str] = "late_layer"
+        category: ClassVar[Any] = "environment_error"
+        scope: ClassVar[Any] = "state"
+        effects: ClassVar[tuple[str, ...]] = ("test_layer",)
+
+        def make_plan(self, scene: Scene, stream: plugin.Stream, step: int) -> plugin.Draft:
+            late = layer("late", begins={"seconds": 20}, lasts={"steps": 1})
+            effects = {0: (late,), 2: (layer("b"),)}
+            return plugin.Draft(effects=effects.get(step, ()))
+
+    env, stage = make(corruption=LateLayer(), log=tmp_path)
+    env.reset(seed=0)
+    env.step("WAIT")
+    assert stage.desktop.state == set()
+    clock.now = 20.0
+    env.step("WAIT")
+    assert stage.desktop.state == {"late", "b"}
+    env.step("WAIT")
+    assert stage.desktop.state == {"b"}
+    env.step("DONE")
+    assert [effect["step"] for effect in env.record["effects"]] == [2, 2]
+    assert noted(stage, "apply") == ["apply late", "apply b"]
+    assert rebuild(tmp_path).problems == []
+    path = next(tmp_path.glob("episodes/*/episode.json"))
+    record = json.loads(path.read_text())
+    record["effects"][0]["step"] = 0
+    path.write_text(json.dumps(record))
+    problems = " ".join(rebuild(tmp_path).problems)
+    assert "effects are not what was due" in problems, "it cannot begin with its own step"
+
+
+@pytest.mark.parametrize(
+    ("step", "times", "words"),
+    [
+        (5, {"lasts": {"step": 3}}, r'lasts of an effect is {"steps": 1 to 10000}'),
+        (5, {"begins": {"steps": 3}}, r'begins of an effect is {"seconds": more than 0'),
+        (5, {"begins": {"seconds": 0}}, r'begins of an effect is {"seconds": more than 0'),
+        (-1, {"begins": {"seconds": 9}}, "begins at a second is planned at step 0 or later"),
+    ],
+)
+def test_wrong_times_are_refused_before_the_episode(step, times, words) -> None:
+    env, stage = make(corruption=Layers({step: (layer("a", **times),)}))
+    with pytest.raises(ParameterError, match=f"layers: test_layer: .*{words}"):
         env.reset(seed=0)
     assert (env.record, noted(stage, "apply")) == (None, [])

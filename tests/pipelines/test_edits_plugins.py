@@ -77,6 +77,18 @@ def test_plug_ins_with_a_known_effect_are_built(
         def make_plan(self, scene: hj.Scene, stream: Stream, step: int) -> Draft:
             return Draft(effects=(Effect("lock"),))
 
+    @register
+    @dataclass(frozen=True)
+    class LockedLate(Locked):
+        """Locks the session after some seconds."""
+
+        name: ClassVar[str] = "locked_late"
+
+        def make_plan(self, scene: hj.Scene, stream: Stream, step: int) -> Draft:
+            return Draft(effects=(Effect("lock", {"begins": {"seconds": 9}}),))
+
+    with pytest.raises(BuildError, match="lock begins at a second"):
+        build(browsing, tmp_path / "late", corruptions="locked_late", assets=assets)
     report = build(browsing, tmp_path / "out", corruptions="locked_out", assets=assets)
     assert dict(report.rows) == {"clean": 10, "locked_out": 10}
 

@@ -262,12 +262,13 @@ def _effect_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
         events += _objects(line.get("events"))
     entries = _objects(replay.record.get("effects"))
     due_effects = _due_effects(replay, key)
-    expected = [(step, effect.kind) for step, effect in due_effects]
     repeats = _repeats(entries)
+    first_entries = [entry for number, entry in enumerate(entries) if number not in repeats]
+    due_effects = _with_delayed(due_effects, first_entries)
+    expected = [(step, effect.kind) for step, effect in due_effects]
     logged = [(event.get("step"), event.get("effect")) for event in events]
     if [effect for number, effect in enumerate(logged) if number not in repeats] != expected:
         yield f"events of {STEPS} are not what was due: {_list_effects(expected)}"
-    first_entries = [entry for number, entry in enumerate(entries) if number not in repeats]
     if [(entry.get("step"), _record(entry).get("effect")) for entry in first_entries] != expected:
         yield f"effects are not what was due: {_list_effects(expected)}"
         return
@@ -279,6 +280,34 @@ def _effect_problems(replay: EpisodeReplay, key: ReplayInputs) -> Iterator[str]:
             yield f"effects: {text}"
     for event, entry in zip(events, entries, strict=False):
         yield from _probe_problems(event, entry)
+
+
+def _with_delayed(
+    due: list[tuple[int, Effect]], entries: Sequence[Mapping[str, Any]]
+) -> list[tuple[int, Effect]]:
+    """Return what was due, with the effects that begin at a second at the steps of the record.
+
+    Lines have no time of day, so a record decides at which later step such an effect began, or that
+    the episode was over before. Of one step they come before the step's own effects.
+    """
+    at_once = [(step, effect) for step, effect in due if not effect.is_delayed]
+    began: list[tuple[int, Effect]] = []
+    taken: set[int] = set()
+    for step, effect in due:
+        if not effect.is_delayed:
+            continue
+        for number, entry in enumerate(entries):
+            first = entry.get("step")
+            record = _record(entry)
+            is_it = (record.get("effect"), record.get("params")) == (
+                effect.kind,
+                effect.to_data()["params"],
+            )
+            if is_it and isinstance(first, int) and first > step and number not in taken:
+                taken.add(number)
+                began.append((first, effect))
+                break
+    return sorted([*began, *at_once], key=lambda pair: pair[0])
 
 
 def _repeats(entries: Sequence[Mapping[str, Any]]) -> set[int]:
