@@ -51,10 +51,10 @@ def check_guard(guard: str, agents: tuple[str, ...]) -> None:
     for name in agents:
         entry = AGENTS.get(name)
         settings = entry.settings if isinstance(entry, FileAgentMaker) else None
-        if settings is not None and settings.onlooker is not None:
+        if getattr(entry, "has_onlooker", False):
+            advice = ", or take the onlooker out of its file" if settings is not None else ""
             raise ParameterError(
-                f"--guard {guard}: {name} has an onlooker of its own; leave out --guard, or take"
-                " the onlooker out of its file"
+                f"--guard {guard}: {name} has an onlooker of its own; leave out --guard{advice}"
             )
         if settings is not None and settings.model.client == "openai_computer":
             raise ParameterError(

@@ -33,6 +33,11 @@ class FileAgentMaker:
         return make_agent(self.settings, self.run)
 
     @property
+    def has_onlooker(self) -> bool:
+        """Whether the file has an onlooker."""
+        return self.settings.onlooker is not None
+
+    @property
     def source(self) -> dict[str, str]:
         """Return what a run records: the file's path and SHA-256, and that of its prompts."""
         data = {"path": self.settings.source, "sha256": self.settings.sha256}

@@ -394,6 +394,8 @@ def test_guards_that_cannot_be_are_refused_before_the_run(tmp_path):
         run(tmp_path, "--guard", "model")
     with pytest.raises(ParameterError, match="agenthijack-agent has an onlooker of its own"):
         check_guard("rules", (AGENTS.find("agenthijack-agent"),))
+    with pytest.raises(ParameterError, match="pixel_onlooker has an onlooker of its own"):
+        check_guard("rules", (AGENTS.find("pixel_onlooker"),))
     with pytest.raises(ParameterError, match="OpenAI keeps the conversation of openai-computer"):
         check_guard("rules", (AGENTS.find("openai-computer"),))
     assert not (tmp_path / "run").exists()

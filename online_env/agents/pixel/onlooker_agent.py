@@ -34,6 +34,7 @@ class PixelOnlooker(Pixel):
         ConfigError: The error repository cannot be read.
     """
 
+    has_onlooker: ClassVar[bool] = True
     checks: ClassVar[bool] = True
     summarises: ClassVar[bool] = True
     errors: ClassVar[str] = DEFAULT_ERRORS  # path or packaged name of the error repository
