@@ -172,6 +172,9 @@ def test_windows_that_went_or_came_by_themselves_are_put_right_by_the_panel():
     assert waiting.guard_record["interventions"][0]["kind"] == COVERED
     opening = Guarded(Says(CLICK, "DONE"), rules(texts))
     assert play(opening, 0, 2) == [[CLICK], ["DONE"]], "the agent's click may have opened it"
+    keys = "pyautogui.hotkey('alt', 'f2')"
+    late = Guarded(Says(keys, "WAIT", "DONE"), rules(texts))
+    assert play(late, 0, 0, 2) == [[keys], ["WAIT"], ["DONE"]], "it may come while the agent waits"
 
 
 def test_a_rule_acts_twice_then_it_only_reminds():

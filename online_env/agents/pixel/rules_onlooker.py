@@ -9,9 +9,10 @@ after that the agent is only reminded.
 | the browser's page for a network that is down | the same; loads the page again and waits |
 | a dialog that says that a program does not respond | clicks the button that waits |
 | all windows went at once, and the panel has their buttons | clicks the button of the last one |
-| a window that came while the agent waited or typed | closes it by its button in the panel |
+| a window came, and the agent's last act can open none | closes it by its button in the panel |
 | a click, Enter, drag or typed text changed nothing | waits 1, 2, 4 and 8 s, then see below |
 
+What can open none is text without a line break, or waiting before any other act.
 After the waits a click or Enter is done again; of a drag or of text the agent is reminded. Other
 keys are left to the agent: many change no picture (Ctrl+C), and a second Delete may harm.
 """
@@ -98,7 +99,7 @@ class RulesOnlooker:
     @property
     def settings(self) -> Mapping[str, Any]:
         """The limits of the rules, for the record."""
-        return {"version": 2, "max_same": MAX_SAME, "waits_s": list(WAITS_S)}
+        return {"version": 3, "max_same": MAX_SAME, "waits_s": list(WAITS_S)}
 
     @property
     def usage(self) -> Mapping[str, Any]:
@@ -123,6 +124,8 @@ class RulesOnlooker:
         """Return what a rule says of the picture after a step."""
         before, self._lines = self._lines, self._reader.read(picture)
         action = None if step.is_guards else _read(step)
+        if not step.is_guards and (action is None or action.type != "wait"):
+            self._opens_nothing = action is not None and _types_in_a_line(action)
         earlier, self._pointer = self._pointer, _end_point(action) or self._pointer
         if not self._walk.ended:
             code = self._walk.act(picture).action
@@ -153,9 +156,10 @@ class RulesOnlooker:
         earlier_buttons = panel_buttons(before, size)
         if not buttons or not earlier_buttons:
             return None
-        return _find_gone_windows(self._lines, buttons, before, action, size) or _find_new_window(
-            buttons, earlier_buttons, action
-        )
+        gone = _find_gone_windows(self._lines, buttons, before, action, size)
+        if gone is not None or not self._opens_nothing:
+            return gone
+        return _find_new_window(buttons, earlier_buttons)
 
     def _wait_for_change(self, picture: UInt8Array) -> Notice:
         """Return what to do about an action after which nothing has changed."""
@@ -197,6 +201,8 @@ class RulesOnlooker:
         self._kind = self._say = ""
         self._acts: dict[str, int] = {}
         self._pointer: Point | None = None
+        # Whether no window can come of what the agent did last, its waiting aside.
+        self._opens_nothing = True
         self._unanswered: _Unanswered | None = None
 
 
@@ -229,6 +235,10 @@ def _read(step: PastStep) -> Action | None:
         return parse_pyautogui(step.actions[0], step.picture.shape[:2])
     except ActionError:
         return None
+
+
+def _types_in_a_line(action: Action) -> bool:
+    return action.type == "type" and "\n" not in (action.text or "")
 
 
 def _may_repeat(action: Action) -> bool:
@@ -273,11 +283,10 @@ def _find_gone_windows(
 
 
 def _find_new_window(
-    buttons: Sequence[TextLine], earlier: Sequence[TextLine], action: Action
+    buttons: Sequence[TextLine], earlier: Sequence[TextLine]
 ) -> ScreenFinding | None:
-    """Return the finding that a window came while the agent waited or typed."""
-    is_silent = action.type in ("wait", "type") and "\n" not in (action.text or "")
-    if not is_silent or len(buttons) <= len(earlier):
+    """Return the finding that a window came by itself."""
+    if len(buttons) <= len(earlier):
         return None
     earlier_texts = {even(button.text) for button in earlier}
     new = [button for button in buttons if even(button.text) not in earlier_texts]
