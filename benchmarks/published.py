@@ -17,7 +17,7 @@ seeds are reported. Rates are for two cores.
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
     everyday            24 tasks, clean and under the five faults of the set everyday, three
                         agents, three seeds: 1,296 episodes, about four hours
-    everyday_guarded    12 quick ones of these tasks, pixel with the guard rules, one seed: 72 episodes
+    everyday_guarded    the same for pixel with the guard rules, two seeds: 288 episodes, about an hour
     everyday_levels     3 longer tasks, three of the faults at five severities: 48 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
     miniwob             40 tasks of MiniWoB++, oracle, random and dom_agent.py under all but
@@ -52,14 +52,6 @@ ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
 AGENTS = "oracle,recovering,do_nothing,random,pixel,pixel_onlooker"
 OSWORLD = "osworld"
-# The twelve tasks of `core` for which the oracle needs the least time (tasks/suite/measured.yaml),
-# with at least four actions, so that a fault at step 3 hits them, and a plan in words, without
-# which `pixel` gives up; chosen before the run.
-QUICK = (
-    "comment_out_function,delete_article,forget_site,set_workspaces,size_desktop_icons,"
-    "compare_products,copy_folder,list_items,finish_draft,tick_items,delete_bookmarks,"
-    "register_course"
-)
 EVERYDAY = ("embedded_core", "--corruptions", "everyday")
 # The three quickest with more than twelve actions, so that a fault at step 12 hits them, too.
 LONGER = "copy_folder,tick_items,delete_bookmarks"
@@ -87,7 +79,7 @@ PLAYED = {
         *("--tasks", ",".join(f"miniwob/{page}.html" for page in PLANS)),
     ),
     "everyday": (*EVERYDAY, "--seeds", "3", "--agent", "oracle,recovering,pixel"),
-    "everyday_guarded": (*EVERYDAY, "--tasks", QUICK, "--agent", "pixel", "--guard", "rules"),
+    "everyday_guarded": (*EVERYDAY, "--seeds", "2", "--agent", "pixel", "--guard", "rules"),
     "everyday_levels": (
         *("embedded_core", "--tasks", LONGER, "--corruptions", LEVELS),
         *("--severities", "1-5", "--agent", "oracle"),
