@@ -14,7 +14,7 @@ from hijack_data.apps import KINDS
 from hijack_data.choices import PLATFORMS
 from hijack_data.errors import HijackError
 from hijack_data.pack import Asset, AssetPack, AssetTarget, RecordedAction
-from hijack_data.plan import Effect, Op
+from hijack_data.plan import Effect, Op, Plan
 from hijack_data.platforms import OURS
 from hijack_data.rng import Stream
 from hijack_data.types import (
@@ -29,6 +29,7 @@ from hijack_data.types import (
     UInt8Array,
 )
 
+from ..errors import BuildError
 from ..readers.recording_facts import RecordingFacts, ScreenKind, read_facts
 
 WAIT = RecordedAction(Action("wait"))
@@ -272,3 +273,18 @@ def name_programs(apps: frozenset[str]) -> str:
     if not kinds:
         return ""
     return f"; {', '.join(kinds)} may be any such program: name it in agenthijack.yaml"
+
+
+def check_each_once(plan: Plan) -> None:
+    """Check that a plan has each kind of effect and of input fault at most once.
+
+    Raises:
+        BuildError: it has one twice; an episode refuses that, too.
+    """
+    for kinds in ([effect.kind for effect in plan.effects], [f.fault for f in plan.inputs]):
+        twice = next((kind for kind in kinds if kinds.count(kind) > 1), None)
+        if twice is not None:
+            raise BuildError(
+                f"{plan.corruption} plans {twice!r} twice at one step; give the parts different"
+                " steps, or leave one out"
+            )

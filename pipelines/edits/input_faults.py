@@ -29,7 +29,7 @@ from hijack_data.types import Step
 from ..dataset.sample import Sample
 from ..errors import BuildError
 from ..readers.recorded_actions import PYAUTOGUI, AlteredStep, RecordedStep
-from .base import EditedStep, NotApplicable
+from .base import EditedStep, NotApplicable, check_each_once
 
 EVENTS: Mapping[FaultKind, str] = {
     "drop": "The last action did not arrive: nothing was pressed.",
@@ -216,13 +216,7 @@ class _RecordingFaults:
                     f"{plan.corruption} plans faults of the input together with other things; in a"
                     " dataset they stand alone"
                 )
-            kinds = [fault.fault for fault in plan.inputs]
-            twice = next((kind for kind in kinds if kinds.count(kind) > 1), None)
-            if twice is not None:  # an episode refuses it, too
-                raise BuildError(
-                    f"{plan.corruption} plans {twice!r} twice at one step; give the parts different"
-                    " steps, or leave one out"
-                )
+            check_each_once(plan)
             if plan.inputs:
                 yield number, plan
 

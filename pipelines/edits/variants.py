@@ -20,7 +20,7 @@ from ..errors import BuildError
 from ..fidelity import row_fidelity
 from ..readers.recorded_actions import RecordedStep
 from . import EDITS
-from .base import EditedStep, Frame, NotApplicable
+from .base import EditedStep, Frame, NotApplicable, check_each_once
 from .input_faults import fault_steps, is_held
 
 BEFORE = -1  # the step number of effects before the first step
@@ -108,13 +108,7 @@ class VariantPlanner:
                 f"{first.corruption}: {delayed} begins at a second (begins), and a recording has"
                 " steps alone: leave it out, and give the corruption a step"
             )
-        kinds = [effect.kind for effect in first.effects]
-        twice = next((kind for kind in kinds if kinds.count(kind) > 1), None)
-        if twice is not None:  # an episode refuses it, too
-            raise BuildError(
-                f"{first.corruption} plans {twice!r} twice at one step; give the parts different"
-                " steps, or leave one out"
-            )
+        check_each_once(first)
         edits = [
             (self._apply_edit(sample, first, effect, number), effect) for effect in first.effects
         ]
