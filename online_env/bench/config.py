@@ -4,6 +4,7 @@ All its mistakes are reported at once, each with file, line and fix.
 """
 
 import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -34,7 +35,14 @@ from hijack_data.corruption import (
     corruption_names,
     make_corruption,
 )
-from hijack_data.errors import ConfigError, HijackError, ParameterError, UnknownNameError, suggest
+from hijack_data.errors import (
+    ConfigError,
+    HijackError,
+    HijackWarning,
+    ParameterError,
+    UnknownNameError,
+    suggest,
+)
 from hijack_data.loading import find_source
 from hijack_data.params import Parameter
 from hijack_data.plan import CLEAN
@@ -503,9 +511,16 @@ def _planners(bench: Bench, text: str) -> Planners:
             labels += [label for label in listed if label != CLEAN or CLEAN not in labels]
             continue
         if name.endswith((".yaml", ".yml")):
-            in_file = load_config(name).corruptions
-            planners.update(in_file)
-            labels += in_file
+            in_file = load_config(name)
+            if in_file.options:
+                warnings.warn(
+                    f"{name}: a run does not read its {', '.join(in_file.options)}, which is for"
+                    " datasets: use --seeds, and clean among --corruptions",
+                    HijackWarning,
+                    stacklevel=2,
+                )
+            planners.update(in_file.corruptions)
+            labels += in_file.corruptions
             continue
         if "+" in name and name not in planners:
             planners[name] = _combine(name, planners)

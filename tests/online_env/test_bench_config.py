@@ -11,6 +11,7 @@ from hijack_data.corruption import corruption_names
 from hijack_data.errors import (
     ConfigError,
     HijackError,
+    HijackWarning,
     ParameterError,
     UnknownNameError,
     shorten_list,
@@ -218,6 +219,9 @@ def test_labels_of_the_file_can_be_chosen(tmp_path):
     }
     with pytest.raises(ParameterError, match="names 'marks' twice"):
         override(bench, corruption=f"marks,{file}")
+    file.write_text("corruptions: [marks]\nseed: 7\nclean: true\n")
+    with pytest.warns(HijackWarning, match=r"default.yaml: a run does not read its seed, clean"):
+        override(bench, corruption=str(file))
 
 
 @pytest.mark.parametrize(
