@@ -400,6 +400,11 @@ def find_corruption(name: str) -> type[Corruption]:
     if not isinstance(cast(object, name), str):
         raise ParameterTypeError(f"the name of a corruption must be a string, got {name!r}")
     CORRUPTIONS.load_ours()
+    if CORRUPTIONS.is_reference(name) and name not in CORRUPTIONS.entries:
+        raise UnknownNameError(
+            f"{name!r} is a file or a module, not the name of a corruption: load it first (hijack"
+            " --load FILE.py COMMAND; in Python, import it), and give the name that it registers"
+        )
     base, _, version = name.rpartition("-v")
     if name not in CORRUPTIONS.entries and base not in CORRUPTIONS.entries:
         CORRUPTIONS.load()

@@ -29,10 +29,12 @@ from hijack_data.config.nodes import (
 from hijack_data.config.yaml_reader import read_yaml
 from hijack_data.config_files import read_config
 from hijack_data.corruption import (
+    CORRUPTIONS,
     SETS,
     Corruption,
     check_not_broken,
     corruption_names,
+    find_corruption,
     make_corruption,
 )
 from hijack_data.errors import (
@@ -526,6 +528,8 @@ def _planners(bench: Bench, text: str) -> Planners:
             planners[name] = _combine(name, planners)
         if name not in planners:
             check_not_broken(name)
+            if CORRUPTIONS.is_reference(name):
+                find_corruption(name)  # which says how a file is loaded
         labels.append(name)
     return {
         label: planners[label]

@@ -235,6 +235,7 @@ def test_labels_of_the_file_can_be_chosen(tmp_path):
             "--corruptions: no 'mark'; did you mean 'marks'?",
         ),
         ({"corruption": "marks,"}, UnknownNameError, "--corruptions: no ''"),
+        ({"corruption": "mine.py:Mine"}, UnknownNameError, "hijack --load FILE.py COMMAND"),
         ({"corruption": "marks,marks"}, ParameterError, "--corruptions names 'marks' twice"),
     ],
 )
