@@ -397,8 +397,8 @@ def _without_places(config: Mapping[str, Any]) -> dict[str, Any]:
         for name, source in config.get("code", {}).items()
     }
     unplayable = sorted(config.get("unplayable", ()))  # the reasons name the cache of files
-    places = {"source": "", "osworld_files": ""}
-    return {**config, **places, "unplayable": unplayable, "code": code}
+    paths = {"source": "", "osworld_files": ""}
+    return {**config, **paths, "unplayable": unplayable, "code": code}
 
 
 def _drop_cut_line(folder: Path) -> None:

@@ -158,8 +158,8 @@ def _item(text: str, start: int, end: int, after: str) -> _Item:
 def _planner(entry: _Entry) -> tuple[str, Planner]:
     if entry.name in SETS:
         members = corruption_names(entry.name)
-        shown = [name for name in members if not find_corruption(name).effects]
-        advice = f"what the others do is not known of a recording; name {','.join(shown)}"
+        faults = [name for name in members if not find_corruption(name).effects]
+        advice = f"what the others do is not known of a recording; name {','.join(faults)}"
         raise _wrong(entry.position, f"{entry.name} is a set of {len(members)}, and {advice}")
     cls = find_corruption(entry.name)
     make: Callable[..., Planner] = cls

@@ -14,6 +14,7 @@ import requests
 import urllib3
 
 ANSWER_TIMEOUT_S = 90  # as OSWorld's client waits
+# As in `desktops.http`, which OSWorld's own Python does not have.
 # For `<`, pyautogui's table names a key that types `>` with Shift; Shift and comma type `<`.
 LESS_THAN = (
     "_keys = getattr(getattr(pyautogui, 'platformModule', None), 'keyboardMapping', {}); "

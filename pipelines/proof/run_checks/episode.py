@@ -292,22 +292,23 @@ def _with_delayed(
     """
     at_once = [(step, effect) for step, effect in due if not effect.is_delayed]
     began: list[tuple[int, Effect]] = []
-    taken: set[int] = set()
+    candidates = list(entries)
     for step, effect in due:
         if not effect.is_delayed:
             continue
-        for number, entry in enumerate(entries):
-            first = entry.get("step")
-            record = _record(entry)
-            is_it = (record.get("effect"), record.get("params")) == (
-                effect.kind,
-                effect.to_data()["params"],
-            )
-            if is_it and isinstance(first, int) and first > step and number not in taken:
-                taken.add(number)
-                began.append((first, effect))
-                break
+        entry = next((entry for entry in candidates if _is_later(entry, step, effect)), None)
+        if entry is not None:
+            candidates.remove(entry)
+            began.append((entry["step"], effect))
     return sorted([*began, *at_once], key=lambda pair: pair[0])
+
+
+def _is_later(entry: Mapping[str, Any], step: int, effect: Effect) -> bool:
+    """Return whether an entry of the record is this effect, applied after this step."""
+    first, record = entry.get("step"), _record(entry)
+    is_same = record.get("effect") == effect.kind
+    is_same = is_same and record.get("params") == effect.to_data()["params"]
+    return is_same and isinstance(first, int) and first > step
 
 
 def _repeats(entries: Sequence[Mapping[str, Any]]) -> set[int]:
