@@ -68,13 +68,7 @@ class BrowserDesktop(BrowserSession):
             DesktopError: The page does not answer.
         """
         self.wait_until_loaded()
-        params = {"format": "png", "optimizeForSpeed": True, "captureBeyondViewport": False}
-        try:
-            data = self.call("Page.captureScreenshot", **params)["data"]
-        except DevToolsError:  # between two documents
-            time.sleep(DOCUMENT_CHANGE_S)
-            self.wait_until_loaded()
-            data = self.call("Page.captureScreenshot", **params)["data"]
+        data = self._ask(self._capture)
         picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(data))).convert("RGB"))
         if picture.shape[:2] != self.size:
             raise DesktopError(
@@ -83,10 +77,20 @@ class BrowserDesktop(BrowserSession):
             )
         return picture
 
+    def _capture(self, page: BrowserPage) -> str:
+        """The picture of a page as PNG in base64."""
+        params = {"format": "png", "optimizeForSpeed": True, "captureBeyondViewport": False}
+        try:
+            return self.call("Page.captureScreenshot", page, **params)["data"]
+        except DevToolsError:  # between two documents
+            time.sleep(DOCUMENT_CHANGE_S)
+            self.wait_until_loaded()
+            return self.call("Page.captureScreenshot", page, **params)["data"]
+
     def accessibility(self) -> str:
         """The accessibility tree of the page in front, in OSWorld's XML dialect."""
         self.wait_until_loaded()
-        return self.read_tree(self.front, self.scale)
+        return self._ask(lambda page: self.read_tree(page, self.scale))
 
     def read_tree(self, page: BrowserPage, scale: float) -> str:
         """The accessibility tree of a page, with `scale` pixels for each CSS pixel."""

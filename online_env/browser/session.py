@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 from urllib.parse import parse_qs
 
 from hijack_data.errors import ParameterError
@@ -17,6 +17,8 @@ from .chromium import OLDEST, Chromium
 from .cover_pages import SHOW, cover_page, sign_in_page
 from .devtools import DevTools, DevToolsError
 from .input_devices import InputDevices, InputEvent
+
+_T = TypeVar("_T")
 
 LOAD_TIMEOUT_S = 15.0  # for a page to load
 DOCUMENT_CHANGE_S = 0.1  # in which another document takes the place of one
@@ -235,7 +237,7 @@ class BrowserSession:
         Raises:
             DesktopError: It raises an error.
         """
-        return self._value(expression, page or self.front)
+        return self._ask(lambda asked: self._value(expression, asked), page)
 
     def examine(self, expression: str, page: BrowserPage | None = None, frame: str = "") -> Any:
         """Return the value of an expression in our own world of a page, whose code cannot reach it.
@@ -248,8 +250,7 @@ class BrowserSession:
         Raises:
             DesktopError: It raises an error.
         """
-        page = page or self.front
-        return self._value(expression, page, frame or page.target)
+        return self._ask(lambda asked: self._value(expression, asked, frame or asked.target), page)
 
     def frame_ids(self, page: BrowserPage) -> list[str]:
         """Return the ids of a page's frames, the page's own first."""
@@ -257,6 +258,19 @@ class BrowserSession:
         for tree in trees:
             trees += tree.get("childFrames", ())
         return [str(tree["frame"]["id"]) for tree in trees]
+
+    def _ask(self, question: Callable[[BrowserPage], _T], page: BrowserPage | None = None) -> _T:
+        """Put a question to a page; without one, to the page in front when it is answered.
+
+        An action may close the page in front a moment later, while it is being asked.
+        """
+        while True:
+            asked = page or self.front
+            try:
+                return question(asked)
+            except DesktopError:
+                if page is not None or asked in self.pages:
+                    raise
 
     def _value(self, expression: str, page: BrowserPage, frame: str = "") -> Any:
         """Return the value of an expression; ask once more if another document took over.
@@ -276,7 +290,7 @@ class BrowserSession:
                 result = self.call("Runtime.evaluate", page, returnByValue=True, **params)
                 break
             except DevToolsError:
-                if is_last:
+                if is_last or page not in self.pages:
                     raise
                 is_last = True
                 time.sleep(DOCUMENT_CHANGE_S)
