@@ -17,7 +17,7 @@ seeds are reported. Rates are for two cores.
     ablation_location   10 tasks, 10 conditions, pixel: 100 episodes
     everyday            24 tasks, clean and under the five faults of the set everyday, three
                         agents, three seeds: 1,296 episodes, about four hours
-    everyday_guarded    the same for pixel with the guard rules, two seeds: 288 episodes, about an hour
+    everyday_guarded    the same for pixel with the guard rules: 432 episodes, two hours
     everyday_levels     3 longer tasks, three of the faults at five severities: 48 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
     miniwob             40 tasks of MiniWoB++, oracle, random and dom_agent.py under all but
@@ -79,7 +79,7 @@ PLAYED = {
         *("--tasks", ",".join(f"miniwob/{page}.html" for page in PLANS)),
     ),
     "everyday": (*EVERYDAY, "--seeds", "3", "--agent", "oracle,recovering,pixel"),
-    "everyday_guarded": (*EVERYDAY, "--seeds", "2", "--agent", "pixel", "--guard", "rules"),
+    "everyday_guarded": (*EVERYDAY, "--seeds", "3", "--agent", "pixel", "--guard", "rules"),
     "everyday_levels": (
         *("embedded_core", "--tasks", LONGER, "--corruptions", LEVELS),
         *("--severities", "1-5", "--agent", "oracle"),
