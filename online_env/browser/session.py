@@ -263,6 +263,9 @@ class BrowserSession:
         """Put a question to a page; without one, to the page in front when it is answered.
 
         An action may close the page in front a moment later, while it is being asked.
+
+        Raises:
+            DesktopError: The page does not answer, although it is still there.
         """
         while True:
             asked = page or self.front

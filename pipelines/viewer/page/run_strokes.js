@@ -14,7 +14,7 @@ hijack.runStrokes = (() => {
     const keyTexts = step.strokes.filter((stroke) => KEYS[stroke.type]).map((stroke) => [KEYS[stroke.type], stroke.text ?? (stroke.type === "wait" && stroke.amount ? `${stroke.amount} s` : "")].filter(Boolean).join(" "));
     const word = step.strokes.length ? "" : KEYS[step.action];
     show(part(view, ".typed"), keyTexts.join("\n") || word || "");
-    const has = { action: step.strokes.length || word, target: step.target, boxes: step.boxes.length };
+    const has = { action: step.strokes.length || word, arrived: step.arrived_strokes.length, target: step.target, boxes: step.boxes.length };
     for (const box of view.querySelectorAll("[data-layer]")) {
       box.disabled = !step.size || !has[box.dataset.layer];
       box.closest("label").hidden = !has[box.dataset.layer] && box.dataset.layer !== "action";
@@ -28,6 +28,7 @@ hijack.runStrokes = (() => {
       const [x, y, right, bottom] = step.target;
       over.append(...shape("rect", "target", { x, y, width: Math.max(0, right - x), height: Math.max(0, bottom - y) }));
     }
+    for (const stroke of step.arrived_strokes) if (stroke.at || stroke.to) over.append(...strokeShapes(stroke, 8 * unit, "arrived"));
     const pointStrokes = step.strokes.filter((stroke) => stroke.at || stroke.to);
     for (const [k, stroke] of pointStrokes.entries()) {
       over.append(...strokeShapes(stroke, 8 * unit));
@@ -45,10 +46,10 @@ hijack.runStrokes = (() => {
     const at = (turn, long) => `${x + long * Math.cos(angle + turn)} ${y + long * Math.sin(angle + turn)}`;
     return `M${at(0, 0)}L${at(2.7, 1.9 * r)}L${at(-2.7, 1.9 * r)}Z`;
   };
-  const strokeShapes = ({ type, at, to, amount }, r) => {
+  const strokeShapes = ({ type, at, to, amount }, r, layer = "action") => {
     const shapes = [];
-    const path = (d) => shapes.push(...shape("path", "action", { d }));
-    const circle = ([x, y], size) => shapes.push(...shape("circle", "action", { cx: x, cy: y, r: size }));
+    const path = (d) => shapes.push(...shape("path", layer, { d }));
+    const circle = ([x, y], size) => shapes.push(...shape("circle", layer, { cx: x, cy: y, r: size }));
     if (at && to) {
       path(`M${at[0]} ${at[1]}L${to[0]} ${to[1]}`);
       path(arrow(to[0], to[1], Math.atan2(to[1] - at[1], to[0] - at[0]), r));

@@ -208,6 +208,9 @@ def _step(
         "fields": record_fields(line, *NOT_SHOWN),
         "action": "",
         "strokes": [],
+        "faults": [],
+        "arrived": "",
+        "arrived_strokes": [],
         "target": None,
         "recorded": "",
     }
@@ -217,7 +220,9 @@ def _step(
         step["size"] = [size[1], size[0]]
         with suppress(FieldError):  # the page says itself that the clean screen is damaged
             screen = image_size(picture_file(episode.home, line, True))
-            step["boxes"] = _boxes(line.get("boxes"), CoordMap(observation=size, screen=screen))
+            coords = CoordMap(observation=size, screen=screen)
+            step["boxes"] = _boxes(line.get("boxes"), coords)
+            step.update(_input(line.get("input"), coords))
     except FieldError as error:
         step["lost"] = episode.broken.get(index) or str(error)
     if code:
@@ -272,6 +277,25 @@ def _boxes(value: object, coords: CoordMap) -> list[list[int]]:
             with suppress(HijackError):  # damage: corners in the wrong order
                 boxes += coords.boxes_to_observation([sides]).tolist()
     return boxes
+
+
+def _input(value: object, coords: CoordMap) -> StepData:
+    """Return what reached the machine of an action that a fault altered, in words and strokes."""
+    if not isinstance(value, dict):
+        return {}
+    entry = cast("dict[str, object]", value)
+    faults = [_cut(fault.get("input")) for fault in objects(entry.get("faults"))]
+    sent = entry.get("sent")
+    words, strokes = parse_strokes(sent if isinstance(sent, str) else "", coords.screen)
+    for stroke in strokes:
+        for key in stroke.keys() & {"at", "to"}:
+            stroke[key] = coords.to_observation(stroke[key])
+    if "drop" in faults:  # what is sent instead presses nothing
+        words, strokes = "nothing was pressed", []
+    probe = entry.get("probe")
+    problem = _cut(probe.get("problem")) if isinstance(probe, dict) else ""
+    arrived = f"{words}; not proved: {problem}" if problem else words
+    return {"faults": faults, "arrived": _cut(arrived), "arrived_strokes": strokes}
 
 
 def _numbers(value: object) -> dict[str, float]:

@@ -82,6 +82,9 @@ class ScoredRows:
             "fields": [pair for group in detail.fields.values() for pair in group],
             "action": action,
             "strokes": strokes,
+            "faults": [],
+            "arrived": "",
+            "arrived_strokes": [],
             "target": list(detail.box) if detail.box else None,
             "recorded": detail.action,
         }

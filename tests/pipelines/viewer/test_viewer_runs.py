@@ -95,6 +95,29 @@ def test_a_step_has_what_was_said_done_and_seen(played: Path) -> None:
     assert data["steps"][6]["code"] == ""
 
 
+def test_a_step_has_what_arrived_of_an_altered_action(harmed: Path) -> None:
+    steps = harmed / "episodes" / MARKS / "steps.jsonl"
+    slip = {
+        "sent": "pyautogui.click(125, 50)",
+        "faults": [{"input": "offset", "dx": 24}],
+        "probe": {"ok": True, "facts": {}, "problem": ""},
+    }
+    loss = {
+        "sent": "pyautogui.sleep(0)",
+        "faults": [{"input": "drop"}],
+        "probe": {"ok": False, "facts": {}, "problem": "an event came"},
+    }
+    first, second, *others = read_lines(steps)
+    write_lines(steps, [first | {"input": slip}, second | {"input": loss}, *others])
+    source = run_of(harmed)
+    slipped, lost, third = source.episode(number_of(source, MARKS))["steps"][:3]
+    assert (slipped["faults"], slipped["arrived"]) == (["offset"], "click at (125, 50)")
+    assert slipped["arrived_strokes"] == [{"type": "click", "at": (125, 50)}]
+    assert lost["arrived"] == "nothing was pressed; not proved: an event came"
+    assert (lost["faults"], lost["arrived_strokes"]) == (["drop"], [])
+    assert (third["faults"], third["arrived"]) == ([], "")
+
+
 def test_effects_come_with_their_probes(played: Path) -> None:
     source = run_of(played)
     data = source.episode(number_of(source, MINIMISED))
