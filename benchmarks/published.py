@@ -18,7 +18,7 @@ seeds are reported. Rates are for two cores.
     everyday            24 tasks, clean and under the five faults of the set everyday, three
                         agents, three seeds: 1,296 episodes, about four hours
     everyday_guarded    the same for pixel with the guard rules: 432 episodes, two hours
-    everyday_levels     3 longer tasks, three of the faults at five severities: 48 episodes
+    everyday_levels     3 longer tasks, three of the faults at five severities, three seeds: 144 episodes
     ablation_modules    10 tasks, 10 conditions, pixel and its onlookers: 400 episodes, about an hour
     miniwob             40 tasks of MiniWoB++, oracle, random and dom_agent.py under all but
                         resolution, whose pastes are nodes of the page: 3,240 episodes
@@ -82,7 +82,7 @@ PLAYED = {
     "everyday_guarded": (*EVERYDAY, "--seeds", "3", "--agent", "pixel", "--guard", "rules"),
     "everyday_levels": (
         *("embedded_core", "--tasks", LONGER, "--corruptions", LEVELS),
-        *("--severities", "1-5", "--agent", "oracle"),
+        *("--severities", "1-5", "--agent", "oracle", "--seeds", "3"),
     ),
     OSWORLD: ("embedded_small", "--agent", "oracle,do_nothing"),
 }
