@@ -18,14 +18,19 @@ def run(folder, *words, code=0):
     return process.stdout + process.stderr
 
 
-def test_what_it_writes_passes(tmp_path):
-    output = run(tmp_path, "new", "corruption", "dust_band")
+@pytest.mark.parametrize(
+    ("scope", "severity"),
+    [("observation", "severity 5: height=320"), ("action", "severity 5: pixels=64")],
+)
+def test_what_it_writes_passes(tmp_path, scope, severity):
+    output = run(tmp_path, "new", "corruption", "dust_band", "--scope", scope)
     assert "hijack check dust_band.py" in output
     assert "class DustBand(Corruption):" in (tmp_path / "dust_band.py").read_text()
     checked = run(tmp_path, "check", "dust_band.py")
     assert "FAIL" not in checked
     assert not [line for line in checked.splitlines() if line.strip().startswith("note")]
-    assert "severity 5: height=320" in run(tmp_path, "--load", "dust_band.py", "show", "dust_band")
+    assert f'scope: ClassVar[str] = "{scope}"' in (tmp_path / "dust_band.py").read_text()
+    assert severity in run(tmp_path, "--load", "dust_band.py", "show", "dust_band")
 
 
 def test_it_overwrites_nothing(tmp_path):
