@@ -276,7 +276,8 @@ def evaluate(out: Path, seeds: int, desktops: int) -> None:
     config.write_text(yaml.safe_dump(setting))
     run = out / "scored"
     try:
-        bench(config, run, "--desktops", desktops)
+        # In this process: the agents' hands ask the task, which agents in their own do not get.
+        bench(config, run, "--desktops", desktops, "--in-process")
     except CalledProcessError:  # an episode may have failed, which counts; none may be missing
         if len(records.read(run).records) < len(expected) * len(HELD_OUT) * (
             1 + len(corruption_names())
