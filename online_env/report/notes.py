@@ -300,10 +300,13 @@ def _notes(report: RunReport, partial: int) -> Iterator[str]:
             yield f"--clean NAME names the clean one of its conditions ({listed})."
     yield from partial_note(partial)
     if run.early:
-        yield (
-            f"{run.early} episodes with a score ended before their corruption was due: they count"
-            f" as they are{_where_early(report)}."
+        words = (
+            "1 episode with a score ended before its corruption was due: it counts as it is"
+            if run.early == 1
+            else f"{run.early} episodes with a score ended before their corruption was due: they"
+            " count as they are"
         )
+        yield f"{words}{_where_early(report)}."
     if run.changed:
         listed = ", ".join(run.changed)
         yield f"Not with the paper's parameters: {listed}."
