@@ -237,7 +237,7 @@ class BrowserSession:
         Raises:
             DesktopError: It raises an error.
         """
-        return self._ask(lambda asked: self._value(expression, asked), page)
+        return self._ask(lambda recipient: self._value(expression, recipient), page)
 
     def examine(self, expression: str, page: BrowserPage | None = None, frame: str = "") -> Any:
         """Return the value of an expression in our own world of a page, whose code cannot reach it.
@@ -250,7 +250,11 @@ class BrowserSession:
         Raises:
             DesktopError: It raises an error.
         """
-        return self._ask(lambda asked: self._value(expression, asked, frame or asked.target), page)
+
+        def question(recipient: BrowserPage) -> Any:
+            return self._value(expression, recipient, frame or recipient.target)
+
+        return self._ask(question, page)
 
     def frame_ids(self, page: BrowserPage) -> list[str]:
         """Return the ids of a page's frames, the page's own first."""
@@ -268,11 +272,11 @@ class BrowserSession:
             DesktopError: The page does not answer, although it is still there.
         """
         while True:
-            asked = page or self.front
+            recipient = page or self.front
             try:
-                return question(asked)
+                return question(recipient)
             except DesktopError:
-                if page is not None or asked in self.pages:
+                if page is not None or recipient in self.pages:
                     raise
 
     def _value(self, expression: str, page: BrowserPage, frame: str = "") -> Any:

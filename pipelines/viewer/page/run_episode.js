@@ -90,6 +90,7 @@ hijack.runEpisode = (data, views) => {
   };
   const ROLES = { check: "Checked the screen", summarise: "What happened since the last turn (d_t)" };
   const FAULTS = { drop: "input lost", repeat: "input repeated", offset: "pointer slipped" };
+  const faultLabels = (step) => step.faults.map((fault) => FAULTS[fault] || fault);
   const drawText = (view, n, data, step) => {
     const last = data.steps.length - 1;
     const fill = (selector, words) => {
@@ -100,7 +101,7 @@ hijack.runEpisode = (data, views) => {
     const actionText = step.action || (step.code ? "" : step.step === last ? "None: this is the last screen" : "No action");
     part(view, ".action-words").textContent = actionText + (step.recorded ? ` (recorded: ${step.recorded})` : "");
     show(part(view, ".code-text"), [step.code, step.ran && `# on the screen, in its own pixels:\n${step.ran}`].filter(Boolean).join("\n"));
-    const faults = step.faults.map((fault) => FAULTS[fault] || fault).join(", ");
+    const faults = faultLabels(step).join(", ");
     show(part(view, ".did .arrived"), faults && `${faults[0].toUpperCase()}${faults.slice(1)}. What arrived: ${step.arrived}`);
     show(part(view, ".refused"), [step.error && `Refused: ${step.error}`, step.result, step.problem].filter(Boolean).join("\n"));
     part(view, ".happened").hidden = !step.effects.length;
@@ -141,7 +142,7 @@ hijack.runEpisode = (data, views) => {
         if (step.lost) small.append("–");
         else small.append(make("img", { alt: "", loading: "lazy", src: source.picture("strip", n, step.step) }));
         const labels = step.effects.map((k) => data.effects[k].kind);
-        labels.push(...step.faults.map((fault) => FAULTS[fault] || fault));
+        labels.push(...faultLabels(step));
         if (step.error) labels.push("refused");
         if (step.lost) labels.push("lost");
         const marks = make("span", { class: "marks" }, String(step.step), ...labels.map((word) => make("b", {}, word)));
